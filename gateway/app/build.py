@@ -32,8 +32,8 @@ from gateway.starters import (
     Policy,
     PublishedFaults,
     RunToken,
-    StarterServices,
     Tokens,
+    serve,
 )
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore, import_late
 from gateway.system.clock import ClockWatch, SystemClock
@@ -91,11 +91,10 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     uplink.disk_sync.on_recalled = history.note_left
 
     # The lines with their starters, and who watches the lines.
-    services = StarterServices(past=history)
     plant = Plant(
         publish_event=publish_event,
         policy=policy,
-        services=services,
+        serve=partial(serve, past=history),
         records=records,
         refresh_s=config.mqtt.refresh_s,
         on_readings=history.take_readings,
@@ -173,7 +172,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     bus.connect(
         state,  # the audit has a decision before any client can read of it
         policy,  # states: starts and standstills
-        services,  # what commands set
         RecordLog(clock),
         history,  # makes starts and trips of readings and records
         uplink.publisher,

@@ -24,7 +24,7 @@ from gateway.line import (
     PortOpener,
     UnitChanged,
 )
-from gateway.starters import REFRESH_S, Policy, Readings, StarterServices, StarterSetup, StarterTelemetry
+from gateway.starters import REFRESH_S, Policy, Readings, StarterSetup, StarterTelemetry
 
 
 class Plant:
@@ -35,7 +35,7 @@ class Plant:
         *,
         publish_event: PublishEvent,
         policy: Policy,
-        services: StarterServices,
+        serve: Callable[[StarterTelemetry], None],
         records: RecordWriter,
         refresh_s: float = REFRESH_S,
         on_readings: Callable[[str, Readings], None],
@@ -47,7 +47,7 @@ class Plant:
         self._by_unit: dict[tuple[str, int], StarterTelemetry] = {}
         self._publish_event = publish_event
         self._policy = policy
-        self._services = services
+        self._serve = serve  # adds the services of a starter
         self._records = records
         self._make_opener = make_opener
         self._on_readings = on_readings
@@ -73,9 +73,8 @@ class Plant:
         What the changes do not name continues as if nothing had happened.
         """
         self._edition += 1
-        endings: list[Coroutine[Any, Any, object]] = []
-        for name in changes.starters_gone:
-            endings += [self._retire(name).close(), self._services.remove(name)]
+        endings: list[Coroutine[Any, Any, object]]
+        endings = [self._retire(name).close() for name in changes.starters_gone]
         gone = ForgetRecord(lines=changes.lines_forgotten, starters=changes.starters_gone)
         self._records.put(gone)  # the broker deletes what it retains of them
         for name in changes.lines_gone:
@@ -94,14 +93,11 @@ class Plant:
         """Publish that no starter is watched any more, once the lines have ended; nothing is taken later."""
         for starter in self.starters.values():
             starter.end(reason)
-        for starter in self.starters.values():
-            starter.publish_stale_values()
 
     async def close(self) -> None:
-        """End the starters and what goes with them; the lines end with their host."""
+        """End the starters with their services; the lines end with their host."""
         for starter in self.starters.values():
             await starter.close()
-        await self._services.close()
 
     def handle(self, event: LineEvent) -> None:
         """Handle what happened on a line; what comes late of a starter that is gone is ignored."""
@@ -165,7 +161,7 @@ class Plant:
         """Add the starters of a table to its line, which runs; each gets its first request at once."""
         new = [self._add_starter(setup) for setup in self._setups(table)]
         for starter in new:
-            polls = starter.polls()
+            polls = self._policy.watchdogs.polls(starter.setup)
             for poll in polls:
                 starter.line.add_poll(poll)
             for poll in polls[:1]:
@@ -197,7 +193,7 @@ class Plant:
         self.starters[setup.name] = self._by_unit[setup.line, setup.address] = starter
         starter.on_readings = partial(self._on_readings, setup.name)
         starter.availability.on_trouble = partial(self._health.note_starter, setup.name)
-        self._services.add(starter)
+        self._serve(starter)
         return starter
 
 

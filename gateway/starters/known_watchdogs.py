@@ -1,9 +1,8 @@
 """The communication watchdogs of all starters as last known: read, from an earlier run, or admitted.
 
 The line keeps a starter from the shorter of two: the watchdog that the configuration states, and the one by
-its rows. A `set` that makes it shorter is admitted only if the line can keep it, and counts from then on,
-whatever is read of the old one before it is written. What is not read back by the command's end counts until
-the next reading, such as the look at the starter's readiness that follows each `set`.
+its rows. A `set` that makes it shorter is admitted only if the line can keep it, and its rows count from then
+on until the next reading: the command's own read-back, and the look at the readiness that follows each write.
 """
 
 from __future__ import annotations
@@ -55,9 +54,8 @@ class KnownWatchdogs:
         self._in_thread = in_thread
         self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
         self._lines: dict[str, LineClient | None] = {}  # by starter
-        self._reserved: dict[str, dict[str, tuple[int, ...]]] = {}  # by starter: admitted, and not yet read
         self._document = (documents or Documents()).open(
-            WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S
+            WATCHDOGS, KNOWN_ROWS, lambda: self._known, delay_s=SAVED_TOGETHER_S
         )
         self._known = self._document.loaded or {}
 
@@ -70,11 +68,6 @@ class KnownWatchdogs:
         self._setups.pop(name, None)
         self._lines.pop(name, None)
 
-    def known(self) -> dict[str, KnownRows]:
-        """Return what must outlive the gateway, by starter: what is reserved may be written by now."""
-        written = {name: KnownRows({**self.rows(name), **rows}) for name, rows in self._reserved.items()}
-        return {**self._known, **written}
-
     def rows(self, name: str) -> Rows:
         """Return the settings as last known, in this run or an earlier one."""
         return self._known.get(name, KnownRows()).rows
@@ -85,10 +78,7 @@ class KnownWatchdogs:
 
     def limit_s(self, setup: StarterSetup) -> float | None:
         """Return the time of the watchdog that must not act in a starter; None when none is known."""
-        rows, reserved = self.rows(setup.name), self._reserved.get(setup.name)
-        limit_s = _limit_s(setup, rows)
-        after_s = _limit_s(setup, {**rows, **reserved}) if reserved else None
-        return min((each_s for each_s in (limit_s, after_s) if each_s), default=None)
+        return _limit_s(setup, self.rows(setup.name))
 
     def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
         """Return the polls with which a starter begins, with the deadline that they must meet."""
@@ -97,33 +87,36 @@ class KnownWatchdogs:
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
-        found = self._watchdog_rows(name, rows) if name in self._setups else {}
-        if not found:
-            return
-        reserved = self._reserved.get(name, {})
-        for code in [code for code, words in found.items() if reserved.get(code) == words]:
-            del reserved[code]
-        self._take(name, {**self.rows(name), **found})
+        if name in self._setups:
+            found = _watchdog_rows(self._setups[name].profile, rows)
+            if found:
+                self._take(name, {**self.rows(name), **found})
 
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.
 
-        CommandError, with both times, when it cannot; `end` must follow in any case.
+        CommandError, with both times, when it cannot.
         """
-        if name in self._setups:
-            profile = self._setups[name].profile
-            await self._reserve(name, diagnosis.written_rows(profile, (s.request for s in procedure.steps)))
-
-    def end(self, name: str, *, is_written: bool) -> None:
-        """Record that a command is over; what it may have written counts until it is read."""
-        reserved = self._reserved.pop(name, None)
-        if reserved is None:
+        if name not in self._setups:
             return
-        if is_written:
-            self._known[name] = KnownRows({**self.rows(name), **reserved})
-        self._document.touch()
-        if name in self._setups:
-            self._keep(name)
+        setup, before = self._setups[name], self.rows(name)
+        requests, before_s = (step.request for step in procedure.steps), self._limits_s(setup.line)
+        written = _watchdog_rows(setup.profile, diagnosis.written_rows(setup.profile, requests))
+        limit_s, earlier_s = _limit_s(setup, {**before, **written}), before_s.get(setup.address)
+        if not limit_s or (earlier_s and limit_s >= earlier_s):
+            return  # the line keeps a longer one, too, until that is read
+        self._take(name, {**before, **written})  # before it is judged: another `set` on this line must see it
+        on_line = [each for each in self._setups.values() if each.line == setup.line]
+        after_s = self._limits_s(setup.line)
+        judge, is_kept = partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s), False
+        try:
+            error = await self._in_thread(judge)
+            is_kept = error is None
+        finally:  # the command may be halted meanwhile
+            if not is_kept:
+                self._take(name, before)
+        if error is not None:
+            raise error
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
@@ -140,39 +133,15 @@ class KnownWatchdogs:
         missed: dict[str, str] = await self._in_thread(partial(_missed_on, found, limits_s))
         return missed
 
-    def _watchdog_rows(self, name: str, rows: Rows) -> Rows:
-        codes = setting_codes(self._setups[name].profile)
-        return {code: words for code, words in rows.items() if code in codes}
-
     def _take(self, name: str, rows: Rows) -> None:
         """Let these be a starter's rows, for its line and for the next run."""
         if name in self._known and rows == self._known[name].rows:
             return
         self._known[name] = KnownRows(dict(rows))
         self._document.touch()
-        self._keep(name)
-
-    def _keep(self, name: str) -> None:
-        setup, line = self._setups[name], self._lines[name]
-        if line is not None and setup.is_enabled:
+        setup, line = self._setups.get(name), self._lines.get(name)
+        if setup is not None and line is not None and setup.is_enabled:
             line.set_deadline(setup.address, self.limit_s(setup))
-
-    async def _reserve(self, name: str, written: Rows) -> None:
-        """Reserve the line's time for a shorter watchdog before it is written, or give it back and refuse."""
-        setup = self._setups[name]
-        rows, before_s = {**self.rows(name), **written}, self._limits_s(setup.line)
-        limit_s, earlier_s = _limit_s(setup, rows), before_s.get(setup.address)
-        if not limit_s or (earlier_s and limit_s >= earlier_s):
-            return
-        self._reserved[name] = dict(written)  # at once: another `set` on this line must see it
-        self._document.touch()
-        self._keep(name)
-        on_line = [each for each in self._setups.values() if each.line == setup.line]
-        after_s = self._limits_s(setup.line)
-        error = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
-        if error is not None:
-            self.end(name, is_written=False)
-            raise error
 
     def _limits_s(self, line: str) -> dict[int, float | None]:
         on_line = (setup for setup in self._setups.values() if setup.line == line and setup.is_enabled)
@@ -183,6 +152,11 @@ class KnownWatchdogs:
 def setting_codes(profile: Profile) -> frozenset[str]:
     """Return the rows that say what a starter's watchdog is."""
     return frozenset(diagnosis.watchdog_codes(profile))
+
+
+def _watchdog_rows(profile: Profile, rows: Rows) -> Rows:
+    codes = setting_codes(profile)
+    return {code: words for code, words in rows.items() if code in codes}
 
 
 def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:

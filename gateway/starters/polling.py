@@ -3,7 +3,8 @@
 1. A block that is refused in `IN_ROW` polls running is asked for row by row, so that its other rows go on. A
    minute later it is asked for as a whole again, unless one of its rows is refused alone.
 2. A row that is refused alone in `IN_ROW` polls running is not asked for until an hour later. One that
-   decides state, fault or watchdog is asked for all the same, every `REFUSED_EVERY_S`.
+   decides state, fault or watchdog is asked for all the same, every `REFUSED_EVERY_S`, until a minute after
+   it is answered.
 3. After a silence everything is asked for again.
 4. A value that was not read for `OVERDUE_PERIODS` of its period, as the line stretches it, is stale.
 5. A starter of which `POOR` of the last `OF` polls were lost is degraded: a poor line is not a lost starter.
@@ -88,9 +89,7 @@ class Polling:
         self.next_overdue_s = inf  # when to look for overdue blocks, at times a little early
         self.losses = PollLosses()
         self._vital = vital_codes(setup.profile)
-        self._whole_at_s = inf  # when to ask for whole blocks again
-        self._given_up: list[reading.Block] = []  # single rows
-        self._again_at_s = inf  # when to ask for these again
+        self._whole_at_s = inf  # when to ask for all blocks as a whole again
 
     def block(self, key: str) -> reading.Block | None:
         """Return what a poll asks for; None when it is withdrawn."""
@@ -106,11 +105,13 @@ class Polling:
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
         self.next_overdue_s = min(self.next_overdue_s, polled.overdue_s(stretch))
+        if polled.is_refused:
+            self._whole_at_s = at_s + WHOLE_AFTER_S
         if polled.refusals:
             polled.refusals = 0
             self._keep_pace()
-        if at_s >= min(self._again_at_s, self._whole_at_s):
-            self._restore_due(at_s)
+        if at_s >= self._whole_at_s:
+            self.restore()
 
     def note_refusal(self, key: str, code: int, *, at_s: float) -> tuple[str, ...]:
         """Record that a poll was refused; return the codes of which nothing is known any more."""
@@ -124,12 +125,12 @@ class Polling:
             for row in reading.split(polled.block):
                 self._add(row)
             return ()
+        if polled.refusals == IN_ROW:
+            self._whole_at_s = at_s + AGAIN_AFTER_S
         if self.is_vital(polled.block) or len(self._polled) == 1:
             self._keep_pace()
         else:
             self._withdraw((key,))
-            self._given_up.append(polled.block)
-            self._again_at_s = at_s + AGAIN_AFTER_S
         return polled.block.codes
 
     def is_vital(self, block: reading.Block) -> bool:
@@ -168,8 +169,7 @@ class Polling:
 
     def restore(self) -> None:
         """Ask for the whole plan again, whatever was refused."""
-        self._whole_at_s = self._again_at_s = inf
-        self._given_up.clear()
+        self._whole_at_s = inf
         wanted = {self._setup.key_of(block): block for block in self._plan}
         self._withdraw([key for key, polled in self._polled.items() if wanted.get(key) != polled.block])
         for block in self._plan:
@@ -221,18 +221,6 @@ class Polling:
         stretch = self._line.stretch
         periods_s = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
         return OVERDUE_PERIODS * max(periods_s, default=self._setup.every_s) + OVERDUE_GRACE_S
-
-    def _restore_due(self, now_s: float) -> None:
-        """Ask again for the rows that were given up, and for whole blocks where no row is refused alone."""
-        if now_s >= self._again_at_s:
-            rows, self._given_up = self._given_up, []
-            self._again_at_s, self._whole_at_s = inf, now_s + WHOLE_AFTER_S
-            for row in rows:
-                self._add(row)
-        if now_s < self._whole_at_s or self._given_up:
-            return
-        if not any(polled.is_refused for polled in self._polled.values()):
-            self.restore()
 
     def _add(self, block: reading.Block) -> None:
         key = self._setup.key_of(block)

@@ -8,14 +8,17 @@ from __future__ import annotations
 import asyncio
 import logging
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import replace
+from functools import partial
 from typing import assert_never
 
-from gateway.contract import EventCode, RecordWriter, phrase
-from gateway.families import Identity, Profile, Variant, reading
-from gateway.line import Answered, Garbled, LineClient, Outcome, Poll, Priority, Refused, Silent
+from gateway.contract import CommandError, EventCode, RecordWriter, phrase
+from gateway.errors import PortLostError
+from gateway.families import Identity, Profile, Read, Variant, reading
+from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
+from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.description import info_of
 from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
 from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes
@@ -26,6 +29,7 @@ from gateway.starters.state import (
     REFRESH_S,
     SOONEST_S,
     Availability,
+    Happenings,
     LockOf,
     Moment,
     NewReadings,
@@ -48,6 +52,22 @@ from gateway.starters.state import (
 logger = logging.getLogger(__name__)
 
 REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
+
+
+class StarterService:
+    """What goes along with one starter, and reads in the background what no poll reads; on the app's loop."""
+
+    def begin(self) -> None:
+        """Begin, or begin again: the starter has proved to be what is configured."""
+
+    def note_written(self, request: Request) -> None:
+        """Record that a write may have reached the starter."""
+
+    def note_change(self, before: str, after: str, happenings: Happenings) -> None:
+        """Record the state that was and the state that is, and what has happened."""
+
+    async def close(self) -> None:
+        """Do nothing more."""
 
 
 class StarterTelemetry:
@@ -82,22 +102,22 @@ class StarterTelemetry:
         )
         self.availability = Availability(self.emitter)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
+        self.services: list[StarterService] = []
         self._clock = records.clock
         self._replies = ReplyReader(setup.profile, self._known_rows)
         self._polling = Polling(setup, line)
-        self._watchdogs = watchdogs or KnownWatchdogs()
-        self._watchdogs.add(setup, line)
+        self.watchdogs = watchdogs or KnownWatchdogs()
+        self.watchdogs.add(setup, line)
         identities = identities or IdentityRegistry(records)
         self._contact = Contact(
             setup,
             line,
             registry=identities,
             records=records,
-            on_rows=self.note_settings,
+            on_rows=partial(self.watchdogs.note, setup.name),
             on_judged=self._take_identity,
         )
         identities.when_accepted(setup.name, self._contact.accept)
-        self._on_identified: list[Callable[[], None]] = []
 
     @property
     def profile(self) -> Profile:
@@ -114,25 +134,31 @@ class StarterTelemetry:
         """Return the state as of the latest reading; unknown while the starter does not answer."""
         return self.snapshot.state.status.word
 
-    async def gap_s(self) -> float | None:
-        """Return the longest time between two requests to it; None where its line has no timing."""
-        return await self._watchdogs.gap_s(self.setup)
-
-    def polls(self) -> tuple[Poll, ...]:
-        """Return the polls with which the line must begin."""
-        return self._watchdogs.polls(self.setup)
-
-    def when_identified(self, call: Callable[[], None]) -> None:
-        """Have something done each time the starter has proved to be what is configured."""
-        self._on_identified.append(call)
-
-    def set_trouble(self, topic: str, reason: str) -> None:
-        """Publish that a part of the starter cannot be read at present; an empty reason: it can be again."""
-        self.availability.set_trouble(topic, reason)
+    @property
+    def is_identified(self) -> bool:
+        """Return whether the configured device answers, as known before."""
+        return self.is_answering and self.identity_standing is IdentityStatus.MATCHING
 
     def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
         """Send the starter a request, not later than `until_s`."""
-        return ask(self.line, self.setup, request, lane=lane, until_s=until_s)
+        asked = ask(self.line, self.setup, request, lane=lane, until_s=until_s)
+        if request.is_write:
+            asked.add_done_callback(lambda _: self._note_written(request))
+        return asked
+
+    async def read_rows(self, reads: Iterable[Read]) -> BulkReading | None:
+        """Read rows for which everything else goes first; return None when that fails: polls say why."""
+        try:
+            found = await read_in_bulk(partial(self.ask, lane=Priority.PATROL), self.profile, reads, tries=1)
+        except (CommandError, PortLostError) as error:
+            logger.debug("starter=%s not read in the background: %s", self.setup.name, error)
+            return None
+        self.watchdogs.note(self.setup.name, found.rows)
+        return found
+
+    def _note_written(self, request: Request) -> None:
+        for service in self.services:
+            service.note_written(request)
 
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
@@ -144,7 +170,7 @@ class StarterTelemetry:
         """Apply another period for the status and the electrical values."""
         self.setup = replace(self.setup, every_s=every_s)
         self._polling.set_every(every_s)
-        self._watchdogs.add(self.setup, self.line)
+        self.watchdogs.add(self.setup, self.line)
 
     def set_refresh(self, refresh_s: float) -> None:
         """Publish unchanged values again after another time, from now on."""
@@ -159,32 +185,24 @@ class StarterTelemetry:
     def retire(self) -> None:
         """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
         self._publisher.close()
-        self._on_identified.clear()
         self._contact.cancel()
         self._polling.withdraw()
         self.availability.on_trouble("")
-        self._watchdogs.remove(self.setup.name)
+        self.watchdogs.remove(self.setup.name)
 
     def end(self, reason: str) -> None:
-        """Publish that the starter is no longer watched: offline, its state stale; take nothing from now on.
-
-        `publish_stale_values` must follow: it can wait until this has been published of all starters.
-        """
-        self._publisher.close()
+        """Publish that the starter is no longer watched: offline, all stale; take nothing from now on."""
         self._contact.cancel()
         self.availability.end(reason)
-        points, now_s = self.snapshot.readings, self._clock.now_s()
-        news = NewReadings(now_s, Moment(now_s, self._clock.utc_s()), doubts=stale(points, points))
-        self.snapshot.state, _ = advance(self.snapshot.state, news, self.profile)
-        self._publisher.publish_status(self.snapshot.state, now_s=now_s, reason="")
-
-    def publish_stale_values(self) -> None:
-        """Publish all values as stale, at once."""
+        self._look(doubts=stale(self.snapshot.readings, self.snapshot.readings))
         self._publisher.publish_values(self.snapshot.state, now_s=self._clock.now_s() + SOONEST_S)
+        self._publisher.close()
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
         await self._contact.close()
+        for service in self.services:
+            await service.close()
         self._publisher.close()
 
     # What comes from the line
@@ -197,7 +215,7 @@ class StarterTelemetry:
         if self.availability.is_online:
             poor = self._polling.losses.note(is_lost=isinstance(outcome, (Silent, Garbled)))
             if poor is not None:
-                self.set_trouble(LOSS_TOPIC, poor)
+                self.availability.set_trouble(LOSS_TOPIC, poor)
         match outcome:
             case Answered():
                 self._take_answer(key, block, outcome)
@@ -223,14 +241,6 @@ class StarterTelemetry:
         else:
             self.availability.note_never_answered(reason)
 
-    def settings_recalled(self) -> Rows:
-        """Return the settings of its watchdog as an earlier run has left them."""
-        return self._watchdogs.rows(self.setup.name)
-
-    def note_settings(self, rows: Rows) -> None:
-        """Record settings that were just read: the watchdog's count for the line."""
-        self._watchdogs.note(self.setup.name, rows)
-
     def take_rows(self, rows: Rows, *, at_s: float) -> None:
         """Record rows that were just read for a command; it goes on before they are decoded and published."""
         self._keep_rows(rows, at_s=at_s)
@@ -248,7 +258,7 @@ class StarterTelemetry:
         if setting_codes(self.setup.profile).isdisjoint(rows):
             return
         if self.identity_standing is not IdentityStatus.MISMATCHED:
-            self.note_settings(rows)
+            self.watchdogs.note(self.setup.name, rows)
 
     def _known_rows(self, at_s: float) -> Rows:
         """Return the rows that were current then."""
@@ -260,7 +270,7 @@ class StarterTelemetry:
         if self._contact.standing.is_readable:  # else its values grow old
             self._polling.note_answer(key, at_s=at_s)
         if REFUSED_TOPIC in self.availability.troubles:
-            self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
+            self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
         self._keep_rows(said.rows, at_s=at_s)
         self._take(said, at_s)
 
@@ -273,7 +283,7 @@ class StarterTelemetry:
         if unknown and self._polling.block(key) is None:
             where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
             logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
-        self.set_trouble(REFUSED_TOPIC, self._polling.refusal())
+        self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
         self._look(doubts=bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
 
     def _come_online(self) -> None:
@@ -282,7 +292,7 @@ class StarterTelemetry:
         self.availability.come_online()
         if self.availability.was_lost:
             self._polling.restore()
-        self._contact.begin(is_known=self._watchdogs.is_known(self.setup))
+        self._contact.begin(is_known=self.watchdogs.is_known(self.setup))
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self.snapshot.outdate_rows()
@@ -303,13 +313,13 @@ class StarterTelemetry:
             return
         state, doubts = self.snapshot.state, NO_POINTS
         points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
-        values = said.values if points is said.points else good_values(points)
         if said.missing:
             doubts = bad(state.points, said.missing, standing.contradiction)
         if standing.contradiction:
-            points, values = bad(points, points, standing.contradiction), {}
+            points = bad(points, points, standing.contradiction)
         self._look(points, read, doubts=doubts)
-        self.on_readings(Readings(at_s, read.time_s, self.snapshot.state.status.word, values))
+        word = self.snapshot.state.status.word
+        self.on_readings(Readings(at_s, read.time_s, word, good_values(points)))
 
     def _look(
         self, points: Points = NO_POINTS, read: Moment | None = None, *, doubts: Points = NO_POINTS
@@ -327,10 +337,13 @@ class StarterTelemetry:
         self.snapshot.state = state
         if state.settled.waiting and not before.settled.waiting:
             self._polling.expedite("status")  # it is an event once it is read again
-        if state.status is not before.status:
+        is_other = state.status is not before.status
+        if is_other:
             self._polling.follow(state.status.word)
         reason, look_s = self._why_unknown(), self._polling.next_overdue_s
         self._publisher.publish(state, happenings, now_s=now_s, reason=reason, look_s=look_s)
+        for service in self.services if is_other or happenings else ():
+            service.note_change(before.status.word, state.status.word, happenings)
 
     # Who answers: what the identity's machine is asked, and what follows from its answers
 
@@ -364,11 +377,11 @@ class StarterTelemetry:
             self._publisher.info(info_of(self.setup, self.variant, self.identity))
         reason = self.contradiction
         trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
-        self.set_trouble(IDENTITY_TOPIC, trouble)
+        self.availability.set_trouble(IDENTITY_TOPIC, trouble)
         self._polling.expedite()
         self._look(doubts=bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else {})
-        for call in self._on_identified if is_family else ():
-            call()
+        for service in self.services if is_family else ():
+            service.begin()
 
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""

@@ -22,7 +22,7 @@ from gateway.plugins.history.plugin import History
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
-from gateway.starters import Policy, StarterServices
+from gateway.starters import Policy
 from gateway.store import StateStore
 
 EVENT = EventRecord(starter="", code="a", severity=Severity.INFO, text="", time_s=0.0, seq=1)
@@ -56,7 +56,7 @@ def test_a_subscriber_gets_the_kinds_that_it_names_whatever_fails_in_another(
     assert "subscriber=Subscriber" in caplog.text
 
 
-@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices, StateStore])
+@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StateStore])
 def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
     assert handled_in(subscriber.put) == set(subscriber.takes)
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import Any
 
 import pytest
 
@@ -18,6 +17,7 @@ from tests.virtual_time import run_virtually
 
 PROFILE = load_profile("ssw07")
 CODES = ("P014", "P015", "P016", "P017")
+WHOLE = (14, 4)
 
 
 class Starter:
@@ -38,35 +38,28 @@ class Starter:
             return Refused(2, at_s=0.0)
         return Answered(tuple(100 + address for address in run), at_s=0.0, response_time_s=0.0)
 
-
-def read(starter: Starter, **options: Any) -> BulkReading:
-    reads = bulk_reads(PROFILE, CODES)
-    return run_virtually(read_in_bulk(starter.ask, PROFILE, reads, **options))
+    def read(self, tries: int = 3) -> BulkReading:
+        return run_virtually(read_in_bulk(self.ask, PROFILE, bulk_reads(PROFILE, CODES), tries=tries))
 
 
 @pytest.mark.parametrize(
-    ("lacks", "asked"),
+    ("lacks", "script", "asked"),
     [
-        (set(), [(14, 4)]),  # neighbours at once
-        ({16}, [(14, 4), (14, 2), (16, 2), (16, 1), (17, 1)]),
+        (set(), [], [WHOLE]),  # neighbours at once
+        ({16}, [], [WHOLE, (14, 2), (16, 2), (16, 1), (17, 1)]),  # the one that is refused is found
+        *((set(), [each, each], [WHOLE] * 3) for each in (Silent(), Garbled("", b""), Refused(6, at_s=0.0))),
     ],
 )
-def test_the_one_row_that_is_refused_is_found_and_the_others_are_read(
-    lacks: set[int], asked: list[tuple[int, int]]
+def test_all_rows_are_read_that_are_not_refused_alone(
+    lacks: set[int], script: list[Outcome], asked: list[tuple[int, int]]
 ) -> None:
-    starter = Starter(lacks=lacks)
+    starter = Starter(lacks=lacks, script=script)
 
-    found = read(starter)
+    found = starter.read()
 
-    rows = {f"P0{address}": (100 + address,) for address in range(14, 18) if address not in lacks}
-    assert found.rows == rows
-    assert found.refused == {f"P0{address}": "illegal data address" for address in lacks}
+    assert found.rows == {f"P0{at}": (100 + at,) for at in range(14, 18) if at not in lacks}
+    assert found.refused == {f"P0{at}": "illegal data address" for at in lacks}
     assert starter.asked == asked
-
-
-@pytest.mark.parametrize("outcome", [Silent(), Garbled("bad CRC", b""), Refused(6, at_s=0.0)])
-def test_what_passes_is_tried_again(outcome: Outcome) -> None:
-    assert set(read(Starter(script=[outcome, outcome])).rows) == set(CODES)
 
 
 @pytest.mark.parametrize("tries", [1, 3])
@@ -74,11 +67,11 @@ def test_a_starter_that_never_answers_ends_it(tries: int) -> None:
     starter = Starter(script=[Silent()] * tries)
 
     with pytest.raises(CommandError, match="P014 to P017"):
-        read(starter, tries=tries)
+        starter.read(tries)
 
     assert len(starter.asked) == tries
 
 
 def test_a_lost_port_ends_it_at_once() -> None:
     with pytest.raises(PortLostError):
-        read(Starter(script=[Silent("port closed", is_sent=False)]))
+        Starter(script=[Silent("port closed", is_sent=False)]).read()

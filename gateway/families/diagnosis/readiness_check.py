@@ -9,7 +9,7 @@ from gateway.families.devices.findings import Remark, Settings, Topic, Watchdog,
 from gateway.families.profile.parameters import factory_settings
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.modbus import Request, WriteRegister, WriteRegisters
+from gateway.modbus import Request, WriteCoil, WriteRegister, WriteRegisters
 
 SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 
@@ -41,16 +41,21 @@ def shortest_s(profile: Profile, variant: Variant, rows: Mapping[str, tuple[int,
 
 
 def written_rows(profile: Profile, requests: Iterable[Request]) -> dict[str, tuple[int, ...]]:
-    """Return those rows of `watchdog_codes` that these requests write, with the words they get."""
+    """Return the rows that these requests write, with the words they get."""
     found: dict[str, tuple[int, ...]] = {}
     for request in requests:
-        if not isinstance(request, WriteRegister | WriteRegisters):
-            continue
-        words = (request.word,) if isinstance(request, WriteRegister) else tuple(request.words)
-        for code in watchdog_codes(profile):
-            row = profile.parameters[code]
-            at = row.address - request.address
-            if row.table is not Table.COIL and at >= 0 and at + row.words <= len(words):
+        match request:
+            case WriteCoil(is_on=is_on):
+                words: tuple[int, ...] = (int(is_on),)
+            case WriteRegister(word=word):
+                words = (word,)
+            case WriteRegisters(words=several):
+                words = several
+            case _:
+                continue
+        for code, row in profile.parameters.items():
+            at, is_coil = row.address - request.address, row.table is Table.COIL
+            if is_coil is isinstance(request, WriteCoil) and at >= 0 and at + row.words <= len(words):
                 found[code] = words[at : at + row.words]
     return found
 

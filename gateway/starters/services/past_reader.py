@@ -7,23 +7,16 @@ longer than for one of these. What is refused is left out.
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Iterable, Mapping, Sequence
-from functools import partial
 from typing import Any, Protocol
 
-from gateway.contract import CommandError
-from gateway.errors import PortLostError
+from gateway.contract import EventCode
 from gateway.families import Profile, decode, reading
-from gateway.line import Priority
-from gateway.starters.bulk_read import read_in_bulk
-from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.services.settings import LONGEST_BLOCK
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterService, StarterTelemetry
+from gateway.starters.state import Happening, Happenings
 from gateway.system.supervised import SupervisedTask
-
-logger = logging.getLogger(__name__)
 
 OWN_EVERY_S = 60.0  # the starter's own counters and thermal level
 SETTINGS_EVERY_S = 3600.0
@@ -46,10 +39,10 @@ class PastListener(Protocol):
         """Record numbers of rows that `Profile.history` names, by code, just read."""
 
 
-class PastReader:
-    """Reads one starter; everything on the app's loop."""
+class PastReader(StarterService):
+    """Reads one starter."""
 
-    def __init__(self, starter: StarterIo, listener: PastListener) -> None:
+    def __init__(self, starter: StarterTelemetry, listener: PastListener) -> None:
         self._starter = starter
         self._listener = listener
         self._fault = SupervisedTask(f"fault data {starter.setup.name}")
@@ -57,17 +50,16 @@ class PastReader:
         self._own = SupervisedTask(f"own counters {starter.setup.name}")
 
     def begin(self) -> None:
-        """Read the starter's own counters from now on; the starter is identified."""
+        """Read the starter's own counters from now on."""
         if own_codes(self._starter.profile):
             self._own.begin(self._read_own)
 
-    def read_fault(self) -> None:
-        """Read what the starter says of a trip that has just been seen."""
-        self._fault.begin(self._read_fault)
-
-    def read_start(self) -> None:
-        """Read what the starter has stored of a start that has just reached its end."""
-        if self._starter.profile.history.at_start:
+    def note_change(self, before: str, after: str, happenings: Happenings) -> None:
+        """Read what the starter says of a trip, or has stored of a start that has reached its end."""
+        events = [each.event for each in happenings if isinstance(each, Happening)]
+        if any(event.code == EventCode.FAULT for event in events):
+            self._fault.begin(self._read_fault)
+        if (before, after) == ("starting", "running") and self._starter.profile.history.at_start:
             self._start.begin(self._read_start)
 
     async def close(self) -> None:
@@ -114,17 +106,10 @@ class PastReader:
     async def _read(self, codes: Iterable[str]) -> dict[str, ParameterEntry]:
         """Return these rows as far as they are given; none when the starter cannot be asked now."""
         starter = self._starter
-        if not starter.is_answering or starter.identity_standing is not IdentityStatus.MATCHING:
-            return {}
         longest = min(LONGEST_BLOCK, starter.profile.limits.read_registers)
         reads = reading.bulk_reads(starter.profile, codes, longest=longest)
-        ask = partial(starter.ask, lane=Priority.PATROL)
-        try:
-            found = await read_in_bulk(ask, starter.profile, reads, tries=1)
-        except (CommandError, PortLostError) as error:  # the polls publish that it is silent
-            logger.debug("starter=%s its past is not read: %s", starter.setup.name, error)
-            return {}
-        return entries_of(starter.profile, starter.variant, found.rows)
+        found = await starter.read_rows(reads) if starter.is_identified else None
+        return {} if found is None else entries_of(starter.profile, starter.variant, found.rows)
 
 
 def own_codes(profile: Profile) -> tuple[str, ...]:

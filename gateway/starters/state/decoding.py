@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 
 from gateway.contract import Quality
 from gateway.families import TYPE_LIMITS, Profile, Type, Variant, decode, once_per_profile, reading
-from gateway.starters.state.readings import Points, Reading, Value, good_values
+from gateway.starters.state.readings import Points, Reading
 
 TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
 ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
@@ -18,6 +18,7 @@ ON, OFF = Reading(True, "", Quality.GOOD), Reading(False, "", Quality.GOOD)  # n
 _MOST_CACHED = 256
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
+Decoders = Mapping[str, tuple[str, decode.Decoder]]  # by point, with the code of its row
 NO_ROWS: Rows = {}
 
 
@@ -27,25 +28,13 @@ class Said(NamedTuple):
     rows: Rows
     points: Points
     missing: tuple[str, ...] = ()  # points for which a row is missing
-    values: Mapping[str, Value] = {}  # the good ones of `points`
-
-
-class RowPlan(NamedTuple):
-    """Where a row's words are in the replies to one poll, and what is decoded from them."""
-
-    start: int
-    end: int
-    codes: tuple[str, ...]  # of the row and its aliases
-    points: tuple[tuple[str, decode.Decoder], ...]  # those that depend on no other row
 
 
 class ReplyPlan(NamedTuple):
     """How the replies to one poll are read."""
 
-    rows: tuple[RowPlan, ...]
-    names: tuple[str, ...]  # of all points that depend on these rows
-    is_joint: bool  # one of them depends on several rows: all are decoded together
-    is_whole: bool  # all their rows are in these replies
+    rows: tuple[tuple[int, int, str], ...]  # begin and end of their words, and the code; of aliases, too
+    is_complete: bool  # no point of these rows needs another one
 
 
 class PointSources:
@@ -57,39 +46,48 @@ class PointSources:
             name: frozenset(reading.rows_of_points(profile, (name,))) for name in profile.points
         }
         self._fed_by = lru_cache(_MOST_CACHED)(self._find_fed)  # the same few blocks come again
-        self.plan = lru_cache(_MOST_CACHED)(self._make_plan)  # the same one for starters alike
+        self.plan = lru_cache(_MOST_CACHED)(self._make_plan)  # the same one for all starters,
+        self._decoders = lru_cache(_MOST_CACHED)(self._make_decoders)  # and the same ones for starters alike
 
     def fed_by(self, codes: Iterable[str]) -> tuple[str, ...]:
         """Return the points that depend on one of these rows."""
         return self._fed_by(frozenset(codes))
 
+    def decode(self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS) -> Said:
+        """Return what freshly read rows say, together with `known` ones."""
+        fed, decoders = self.fed_by(rows), self._decoders(variant)
+        points, several = {}, list[str]()  # of one row each, and of several
+        for name in fed:
+            if name in decoders:
+                code, decoded = decoders[name]
+                points[name] = _reading(decoded(rows[code]))
+            else:
+                several.append(name)
+        if several:
+            found = decode.decode_points(self._profile, variant, {**known, **rows}, names=several)
+            points |= {name: _reading(new) for name, new in found.items() if name in fed}
+        return Said(rows, points, tuple(name for name in several if name not in points))
+
     def _find_fed(self, codes: frozenset[str]) -> tuple[str, ...]:
         return tuple(name for name, sources in self._codes_of.items() if not codes.isdisjoint(sources))
 
-    def _make_plan(self, codes: tuple[str, ...], variant: Variant) -> ReplyPlan:
-        """Return how the replies with these rows, by address, are read."""
-        profile, rows = self._profile, list[RowPlan]()
-        first = profile.parameters[codes[0]].address
-        for row in (profile.parameters[code] for code in codes):
-            same = tuple(each.code for each in profile.rows_at[row.table, row.address])
-            points = tuple(
-                (name, decode.point_decoder(profile, variant, profile.points[name]))
-                for name in self.fed_by(same)
-                if len(self._codes_of[name]) == 1
-            )
-            rows.append(RowPlan(row.address - first, row.address - first + row.words, same, points))
-        found = frozenset(code for row in rows for code in row.codes)
-        names = self.fed_by(found)
-        sources = [self._codes_of[name] for name in names]
-        is_joint = any(len(codes) > 1 for codes in sources)
-        return ReplyPlan(tuple(rows), names, is_joint, all(codes <= found for codes in sources))
+    def _make_plan(self, block: reading.Block) -> ReplyPlan:
+        rows = tuple(
+            (row.address - block.address, row.address - block.address + row.words, same.code)
+            for row in block.rows
+            for same in self._profile.rows_at[row.table, row.address]
+        )
+        codes = frozenset(code for _, _, code in rows)
+        return ReplyPlan(rows, all(self._codes_of[name] <= codes for name in self.fed_by(codes)))
 
-    def decode(self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS) -> Said:
-        """Return what freshly read rows say, together with `known` ones."""
-        fed = self.fed_by(rows)
-        found = decode.decode_points(self._profile, variant, {**known, **rows}, names=fed)
-        points = {name: _reading(found[name]) for name in fed if name in found}
-        return Said(rows, points, tuple(name for name in fed if name not in found), good_values(points))
+    def _make_decoders(self, variant: Variant) -> Decoders:
+        """Return the row and the decoder of each point that is decoded from one row."""
+        points = self._profile.points
+        return {
+            name: (code, decode.point_decoder(self._profile, variant, points[name]))
+            for name, (code, *more) in self._codes_of.items()
+            if not more
+        }
 
 
 def _reading(new: decode.Decoded) -> Reading:
@@ -116,7 +114,7 @@ class _Replies(NamedTuple):
 
 
 class ReplyReader:
-    """Reads the replies of one starter to its polls: most say the same as the one before, or nearly so.
+    """Reads the replies of one starter to its polls: most say the same as the one before.
 
     `known` returns the rows that were current at a time, of which points with several rows may need some.
     """
@@ -129,28 +127,17 @@ class ReplyReader:
     def read(
         self, key: str, block: reading.Block, variant: Variant, words: Sequence[Any], *, at_s: float
     ) -> Said:
-        """Return what a reply says; only what hangs on words that have changed is decoded."""
-        replies = self._replies.get(key)
+        """Return what a reply says."""
+        replies, sources = self._replies.get(key), sources_of(self._profile)
         if replies is None or replies.block is not block or replies.variant is not variant:
-            replies = _Replies(block, variant, sources_of(self._profile).plan(block.codes, variant))
-        elif words == replies.words and replies.plan.is_whole:
+            replies = _Replies(block, variant, sources.plan(block))
+        elif words == replies.words and replies.plan.is_complete:
             return replies.said
-        plan, before, old = replies.plan, replies.said, replies.words
-        rows, points = dict(before.rows), dict(before.points)
-        for start, end, codes, decoders in plan.rows:
-            if words[start:end] != old[start:end]:
-                row = tuple(map(int, words[start:end]))
-                rows.update(dict.fromkeys(codes, row))
-                for name, decoded in decoders:
-                    points[name] = _reading(decoded(row))
-        if plan.is_joint:
-            known = NO_ROWS if plan.is_whole else self._known(at_s)
-            now = sources_of(self._profile).decode(variant, rows, known=known)
-        else:
-            points = points if old else {name: points[name] for name in plan.names}
-            now = Said(rows, points, values=good_values(points))
-        self._replies[key] = replies._replace(words=words, said=now)
-        return now
+        rows = {code: tuple(map(int, words[begin:end])) for begin, end, code in replies.plan.rows}
+        known = NO_ROWS if replies.plan.is_complete else self._known(at_s)
+        said = sources.decode(variant, rows, known=known)
+        self._replies[key] = replies._replace(words=words, said=said)
+        return said
 
 
 def is_flag(profile: Profile, name: str) -> bool:

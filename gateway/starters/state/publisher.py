@@ -36,7 +36,6 @@ from gateway.starters.state.readings import good_values
 from gateway.starters.state.settled import FirstSeen
 from gateway.starters.state.starter_state import Happening, Happenings, StarterState
 from gateway.store import Documents
-from gateway.system.clock import Clock
 
 FAULTS = TypeAdapter(dict[str, tuple[str, ...]])  # codes by starter
 LASTING_S = 3.0
@@ -90,7 +89,8 @@ class StatePublisher(Emitter):
         self._faults = faults
         self._published = Published()
         self._info: InfoRecord | None = None
-        self._timer = TickTimer(records.clock, look)
+        self._look = look
+        self._timer: asyncio.TimerHandle | None = None
 
     def info(self, info: InfoRecord) -> None:
         """Publish what the starter is, when that is news."""
@@ -116,7 +116,7 @@ class StatePublisher(Emitter):
             if faults is not None:
                 self._faults.note(self.starter, faults)
         trip_s = math.inf if state.trip is None else state.due_s
-        self._timer.at(min(self._published.next_due_s, trip_s, look_s))
+        self._look_at(min(self._published.next_due_s, trip_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
         """Publish the state, its booleans and the starter's lock if that is due; return whether it was."""
@@ -178,7 +178,24 @@ class StatePublisher(Emitter):
     def close(self) -> None:
         """Stop looking by itself."""
         self.is_closed = True
-        self._timer.cancel()
+        if self._timer is not None:
+            self._timer.cancel()
+
+    def _look_at(self, due_s: float) -> None:
+        """Look again at the tick after this time; an earlier timer stays, since most looks are put off."""
+        timer, loop = self._timer, asyncio.get_running_loop()
+        if due_s == math.inf or (timer is not None and timer.when() <= due_s):
+            return
+        tick_s = math.ceil(max(due_s, loop.time()) / TICK_S) * TICK_S
+        if timer is not None and timer.when() <= tick_s:
+            return
+        if timer is not None:
+            timer.cancel()
+        self._timer = loop.call_at(tick_s, self._run)
+
+    def _run(self) -> None:
+        self._timer = None
+        self._look()
 
     def _alarm(self, known: AlarmStatus) -> AlarmRecord:
         return AlarmRecord(
@@ -200,38 +217,6 @@ class StatePublisher(Emitter):
         if first is not None:
             event = replace(event, data={**event.data, "before": _before(first)})
         return self._records.dated(self.starter, event, time_s=happening.time_s)
-
-
-class TickTimer:
-    """Calls back when it is time, up to a tick later, or sooner: then the callee asks again."""
-
-    def __init__(self, clock: Clock, call: Callable[[], None]) -> None:
-        self._clock = clock
-        self._call = call
-        self._timer: asyncio.TimerHandle | None = None
-        self._due_s = 0.0
-
-    def at(self, due_s: float) -> None:
-        """Call at `due_s`; a timer that runs out before that is left as it is, since most are put off."""
-        if due_s == math.inf or (self._timer is not None and self._due_s <= due_s):
-            return
-        now_s = self._clock.now_s()
-        tick_s = math.ceil(max(due_s, now_s) / TICK_S) * TICK_S
-        if self._timer is not None and self._due_s <= tick_s:
-            return
-        self.cancel()
-        self._due_s = tick_s
-        self._timer = asyncio.get_running_loop().call_later(self._due_s - now_s, self._run)
-
-    def cancel(self) -> None:
-        """Stop calling."""
-        if self._timer is not None:
-            self._timer.cancel()
-            self._timer = None
-
-    def _run(self) -> None:
-        self._timer = None
-        self._call()
 
 
 class PublishedFaults:

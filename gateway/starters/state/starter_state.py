@@ -149,10 +149,10 @@ def _merged(before: Points, new: Points) -> tuple[Points, bool]:
     is_decisive = False
     for name, reading in new.items():
         old, value = before[name], reading.value
-        if reading is old:  # a poll says the same again
+        is_same = old.value == value and type(old.value) is type(value)  # 1 and true are not
+        if is_same and reading == old:
             continue
         other[name] = reading
-        is_same = old.value == value and type(old.value) is type(value)  # 1 and true are not
         if old.quality is not reading.quality or not (is_same or isinstance(value, float)):
             is_decisive = True
     return ({**before, **other} if other else before), is_decisive

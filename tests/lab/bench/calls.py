@@ -16,6 +16,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from functools import partial
 from math import inf
 from pathlib import Path
 from types import FrameType
@@ -40,7 +41,7 @@ from gateway.modbus.writes import WriteCoil
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.mqtt.publisher import Publisher
 from gateway.sim.bus.port import SimulatedLine
-from gateway.starters import Policy, RunToken, StarterServices
+from gateway.starters import Policy, RunToken, serve
 from tests.lab.bench.plant import name
 from tests.lab.torture.starters import watching_unit
 from tests.rig.sites import line, starter, table
@@ -214,15 +215,14 @@ async def _way() -> _Way:
     publisher.wake = lambda: loop.call_soon(send)
     records = RecordWriter(bus_of_records, clock)
     policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), records=records)
-    services = StarterServices(monitor_every_s=inf)
-    bus_of_records.connect(policy, services, RecordLog(clock), publisher)
+    bus_of_records.connect(policy, RecordLog(clock), publisher)
     bus = SimulatedLine(timing_of(config.lines[0]))
     unit = watching_unit("ssw07", 1, 0)
     bus.add(unit)
     plant = Plant(
         publish_event=lambda *_, **__: None,
         policy=policy,
-        services=services,
+        serve=partial(serve, monitor_every_s=inf),
         records=records,
         on_readings=lambda *_: None,
         make_opener=lambda table: _Opener(bus, table, way),

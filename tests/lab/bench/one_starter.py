@@ -14,7 +14,7 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.starters import Dispatcher, Policy, PolicySettings, Rights, StarterSetup, StarterTelemetry
+from gateway.starters import Dispatcher, Policy, PolicySettings, Rights, StarterSetup, StarterTelemetry, polls_of
 from tests.starters.world import MemoryJournal
 from tests.virtual_time import VirtualClock
 
@@ -116,7 +116,7 @@ class OneStarter:
         self.line = AnsweringLine()
         setup = StarterSetup("pump-1", self.line.name, ADDRESS, load_profile("ssw07"), Variant())
         self.telemetry = StarterTelemetry(setup, line=self.line, records=records)
-        for poll in self.telemetry.polls():
+        for poll in polls_of(setup):
             self.line.add_poll(poll)
         rights = Rights((Operator("alice", ("*",), ("*",)),))
         self.dispatcher = Dispatcher(

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig import ScenarioRow, command, fault, msg, never, play, result, retained, row, seen
+from tests.rig import ScenarioRow, command, msg, never, play, result, retained, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
 
@@ -40,12 +40,6 @@ MOTORS = [
                 no("pump", "fault"),
             ],
         },
-    ),
-    row(
-        "a motor that runs at the first reading was not started now, and its stop has no duration",
-        given=SSW07,
-        at={0: RUNNING, 5: READY},
-        then={4: no("pump", "started"), 9: seen("starter/pump/event", times=1, code="stopped")},
     ),
     row(
         "local and remote operation are events, at the keypad too",
@@ -140,28 +134,6 @@ TRIPS = [
         },
     ),
     row(
-        "a further fault during a fault is an event of its own",
-        given=SSW07,
-        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 5"], 12: "pump P014 = 42"},
-        then={
-            18: [
-                of("pump", "fault", data={"alarm": "e05"}),
-                of("pump", "alarm", severity="error", data={"alarm": "e42"}),
-            ]
-        },
-    ),
-    row(
-        "an SST's error that two readings have shown is a trip, although it is gone before the state is sure",
-        given=SST,
-        at={8.0: ["belt COIL9 = 1", "belt COIL17 = 1"], 8.6: ["belt COIL9 = -", "belt COIL17 = -"]},
-        then={
-            16.0: [
-                seen("starter/belt/event", times=1, code="fault", text="fault COIL17 Phase loss"),
-                seen("starter/belt/event", times=1, code="cleared", text="cleared: COIL17 Phase loss"),
-            ]
-        },
-    ),
-    row(
         "the same fault in the run after next is an event again when another was between",
         given=SSW07,
         at={
@@ -238,34 +210,6 @@ ALARMS = [
         then={
             8: [msg("starter/fan/alarm/alarm", active=True, severity="alarm"), of("fan", "alarm")],
             14: msg("starter/fan/alarm/alarm", active=False, count=1),
-        },
-    ),
-    row(
-        "an alarm of an SSW900 that trips later is an alarm and a fault",
-        given=SSW900,
-        at={
-            0: "mill S5.1.1 = 0x0163",
-            4: ["mill S5.1.1 = 0x4163", "mill D2.1.1 = 5"],
-            8: ["mill S5.1.1 = 0x8102", "mill D2.1.1 = 0", "mill D1.1.1 = 5"],
-        },
-        then={
-            12: [
-                msg("starter/mill/alarm/a005", active=False),
-                msg("starter/mill/alarm/f005", active=True),
-                of("mill", "fault", data={"alarm": "f005"}),
-            ]
-        },
-    ),
-    row(
-        "while a starter is away its alarms neither go nor come again",
-        given=SSW07,
-        at={0: [TRIPPED, "pump P014 = 5"], 5: fault("silent", "pump", for_s=30)},
-        then={
-            60: [
-                msg("starter/pump/alarm/e05", active=True, count=1),
-                of("pump", "fault"),
-                no("pump", "cleared"),
-            ]
         },
     ),
 ]

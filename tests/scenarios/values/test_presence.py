@@ -139,12 +139,6 @@ REFUSALS = [
         )
         for code in (5, 6, 10)
     ),
-    row(
-        "a single refusal changes nothing",
-        given=SSW07,
-        at={5: fault("refuse", "pump", 2, for_s=0.2)},
-        then={20: [_every_value_is("good"), never(PUMP + "availability", state="degraded")]},
-    ),
     *(
         row(
             f"a starter whose status is refused is degraded, and asked at least every 5 s ({name})",
@@ -199,18 +193,6 @@ REFUSALS = [
             60: [
                 msg("starter/mill/availability", state="degraded"),
                 msg("starter/mill/state", state="ready", quality="good", running=False),
-            ]
-        },
-    ),
-    row(
-        "an SST that refuses its slow rows shows the others",
-        given=SST,
-        at={0: refuse_rows("belt", {41, 42})},
-        then={
-            60: [
-                msg("starter/belt/value/r41", quality="bad"),
-                msg("starter/belt/value/r42", quality="bad"),
-                msg("starter/belt/value/current", quality="good"),
             ]
         },
     ),

@@ -123,24 +123,6 @@ ROWS = [
         at={300: "end", 300.5: ["pump P314 = 77", "start"]},
         then={340: event("parameter_changed", EVENTS, data={"parameter": "P314", "after": {"value": 77}})},
     ),
-    row(
-        "a patrol hurts no poll: the status comes every second",
-        given=SSW06,
-        then={
-            120: lambda plant: (
-                ""
-                if len(
-                    [
-                        pdu
-                        for at_s, pdu in plant.starter("fan").asked
-                        if pdu[:3] in (b"\x03\x13\x89", b"\x01\x00\x00") and at_s > 20  # VB01, or its coils
-                    ]
-                )
-                >= 98
-                else "too few"
-            )
-        },
-    ),
     *(
         row(
             f"an {family} says once whether it is ready, and nothing is written for that",
@@ -173,14 +155,6 @@ ROWS = [
             ("ssw06", "fan", SSW06, "P314"),
             ("ssw900", "mill", SSW900, "C8.2.5.3"),
         )
-    ),
-    row(
-        "a starter that comes back as it was says nothing new of its readiness",
-        given=SSW07,
-        at={10: "pump power off", 40: "pump power on"},
-        then={
-            120: [_readiness("pump", times=1), seen("starter/pump/availability", since=40, state="online")]
-        },
     ),
     row(
         "a readiness that could not be read is looked at again",

@@ -46,25 +46,6 @@ def named_as_another(name: str, there: str) -> Expectation:
     return seen(f"starter/{name}/event", times=1, code="identity_mismatch", severity="error")
 
 
-def _wrong_from_the_start(configured: str, there: str) -> Any:
-    name, site = SITES[configured]
-    return row(
-        f"an {there} where an {configured} is configured is named, its values are bad, it gets no start",
-        given=site + ALICE,
-        sim={name: {"family": there}},
-        at={45: command(f"{name}/alice/start")},
-        then={
-            44: [
-                named_as_another(name, there),
-                msg(f"starter/{name}/state", state="unknown", quality="bad", reason=...),
-                never(f"starter/{name}/value/current", quality="good"),
-                never(f"starter/{name}/value/running", quality="good"),
-            ],
-            50: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
-        },
-    )
-
-
 def _swapped(configured: str, there: str) -> Any:
     name, site = SITES[configured]
     return row(
@@ -80,7 +61,7 @@ def _swapped(configured: str, there: str) -> Any:
         then={
             189: [
                 named_as_another(name, there),
-                msg(f"starter/{name}/state", state="unknown"),
+                msg(f"starter/{name}/state", state="unknown", reason=...),
                 never(f"starter/{name}/value/current", since=20, quality="good"),
             ],
             194: [msg("result/+/alice", verb="start", phase="rejected"), nothing_written(name)],
@@ -112,10 +93,14 @@ def _swapped_at_once(configured: str, there: str) -> ScenarioRow:
 def _another_of_its_family(family: str, ours: dict[str, Any], its: dict[str, Any], field: str) -> ScenarioRow:
     name, site = SITES[family]
     return row(
-        f"another {family} than in the run before is known by its {field}: commands wait for `accept`",
+        f"another {family} than in the run before is known by its {field}: it is read and can be stopped",
         given=site + ALICE,
         sim={name: ours},
-        at={8: ["end", swap(name, family, **its), "start"], 20: command(f"{name}/alice/start")},
+        at={
+            8: ["end", swap(name, family, **its), "start"],
+            20: command(f"{name}/alice/start"),
+            30: command(f"{name}/alice/stop"),
+        },
         then={
             19: seen(
                 f"starter/{name}/event",
@@ -126,7 +111,19 @@ def _another_of_its_family(family: str, ours: dict[str, Any], its: dict[str, Any
                 data={"known": {field: ...}, "seen": {field: ...}},
             ),
             25: [result("start rejected identity_changed"), nothing_written(name)],
+            45: [result("stop confirmed ok"), msg(f"starter/{name}/value/current", quality="good")],
         },
+    )
+
+
+def _not_as_configured(family: str, key: str, configured: str, its: dict[str, Any], code: str) -> ScenarioRow:
+    name, site = SITES[family]
+    return row(
+        f"an {family} with another {key} than configured holds commands",
+        given=site.replace(f'family = "{family}"', f'family = "{family}"\n{key} = {configured}') + ALICE,
+        sim={name: its},
+        at={20: command(f"{name}/alice/start")},
+        then={25: [event(code, f"starter/{name}/event"), result(f"start rejected {code}"), frames(name)]},
     )
 
 
@@ -147,21 +144,6 @@ def times_asked_its_name(name: str, times: int) -> Expectation:
     )
 
 
-def _without_fc43(family: str, habit: Action, said: str) -> ScenarioRow:
-    name, site = SITES[family]
-    return row(
-        f"an {family} that {said} is read all the same",
-        given=site,
-        at={0: habit},
-        then={
-            15: [
-                msg(f"starter/{name}/state", quality="good"),
-                never(f"starter/{name}/event", code="identity_mismatch"),
-            ]
-        },
-    )
-
-
 OTHERS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
     ("ssw06", {"model": "SSW-06 85A"}, {"model": "SSW-06 130A"}, "rated_current"),
     ("ssw07", {"firmware": "1.60"}, {"firmware": "1.70"}, "firmware"),
@@ -174,12 +156,11 @@ OTHERS: list[tuple[str, dict[str, Any], dict[str, Any], str]] = [
 PAIRS = [(one, other) for one in SITES for other in SITES if one != other]
 ALIKE = ("ssw07", "ssw06")  # by the readings of a command: coil 100 means run on both
 ROWS = [
-    *(_wrong_from_the_start(*pair) for pair in PAIRS),
     *(_swapped(*pair) for pair in PAIRS),
     *(_swapped_at_once(*pair) for pair in PAIRS if pair != ALIKE),
     *(_another_of_its_family(*each) for each in OTHERS),
-    *(_without_fc43(each, is_silent_to_fc43(SITES[each][0]), "does not answer FC43") for each in SITES),
-    *(_without_fc43(each, fault("refuse", SITES[each][0], 1, (43,)), "refuses FC43") for each in SITES),
+    _not_as_configured("ssw06", "model", '"SSW-06 820A"', {"model": "SSW-06 312A"}, "identity_changed"),
+    _not_as_configured("ssw900", "slot", "1", {"slot": 2}, "slot_mismatch"),
     *(
         row(
             f"a device with the registers of an SSW-08 that {said} is read, but takes no command but a stop",
@@ -216,25 +197,6 @@ ROWS = [
             },
         )
         for configured, there in (("ssw07", "ssw06"), ("ssw900", "ssw07"))
-    ),
-    row(
-        "an SSW-06 in an SSW-07's place that says its name only after a while is one event",
-        given=SSW07,
-        sim={"pump": {"family": "ssw06"}},
-        at={0: is_silent_to_fc43("pump", for_s=12.0)},
-        then={
-            80: [
-                seen("starter/pump/event", times=1, code="identity_mismatch"),
-                never("starter/pump/value/+", quality="good", unit="A"),
-            ]
-        },
-    ),
-    row(
-        "a stop goes to a device of another family, too",
-        given=SSW07 + ALICE,
-        sim={"pump": {"family": "ssw06"}},
-        at={40: command("pump/alice/stop")},
-        then={55: lambda plant: "" if plant.starter("pump").writes else "nothing was written"},
     ),
     row(
         "another device of the same family is named after a silence; commands wait for `accept`",
@@ -285,26 +247,6 @@ ROWS = [
         then={31: result("accept rejected nothing_to_accept"), 40: result("start confirmed ok")},
     ),
     row(
-        "`accept` takes no arguments",
-        given=SSW07 + ALICE,
-        sim={"pump": {"firmware": "1.60"}},
-        at={
-            8: ["end", swap("pump", "ssw07", firmware="1.70"), "start"],
-            20: command("pump/alice/accept", args={"parameter": "P220"}),
-        },
-        then={24: result("accept rejected bad_arguments")},
-    ),
-    row(
-        "another device of the family than before can always be stopped, and its values are good",
-        given=SSW07 + ALICE,
-        sim={"pump": {"firmware": "1.60"}},
-        at={
-            8: ["end", swap("pump", "ssw07", firmware="1.70", **QUICK), "start"],
-            20: command("pump/alice/stop"),
-        },
-        then={26: [result("stop confirmed ok"), msg("starter/pump/value/current", quality="good")]},
-    ),
-    row(
         "a device of another family can be read raw, and says why its values mean nothing",
         given=SSW07 + ALICE,
         sim={"pump": {"family": "ssw06"}},
@@ -324,55 +266,6 @@ ROWS = [
         },
     ),
     row(
-        "a start that a stop follows while it is asked who answers never goes out",
-        given=SSW07 + ALICE,
-        at={8: command("pump/alice/start"), 8.02: command("pump/alice/stop")},
-        then={
-            20: [
-                seen("result/+/alice", verb="start", code="stopped_first"),
-                seen("result/+/alice", verb="stop", phase="confirmed"),
-                never("starter/pump/event", code="started"),
-            ]
-        },
-    ),
-    row(
-        "the same device after a silence is no event",
-        given=SST,
-        at={8: fault("silent", "belt", for_s=20)},
-        then={
-            80: [
-                never("starter/belt/event", code="identity_changed"),
-                msg("starter/belt/state", quality="good"),
-            ]
-        },
-    ),
-    row(
-        "an SSW-06 of another size than configured holds commands",
-        given=SSW06.replace('family = "ssw06"', 'family = "ssw06"\nmodel = "SSW-06 820A"') + ALICE,
-        sim={"fan": {"model": "SSW-06 312A"}},
-        at={20: command("fan/alice/start")},
-        then={
-            25: [
-                event("identity_changed", "starter/fan/event"),
-                result("start rejected identity_changed"),
-                frames("fan"),
-            ]
-        },
-    ),
-    row(
-        "an accessory in the other slot than configured holds commands",
-        given=SSW900.replace('family = "ssw900"', 'family = "ssw900"\nslot = 1') + ALICE,
-        sim={"mill": {"slot": 2}},
-        at={20: command("mill/alice/start")},
-        then={
-            25: [
-                event("slot_mismatch", "starter/mill/event", severity="error"),
-                result("start rejected slot_mismatch"),
-                frames("mill"),
-            ]
-        },
-    ),
-    row(
         "a starter that refuses to say its name is asked three times, and again an hour later",
         given=SSW07,
         at={0: fault("refuse", "pump", 1, (43,), for_s=60)},
@@ -383,11 +276,6 @@ ROWS = [
             ],
             3700: msg("starter/pump/info", model=re.compile("SSW-07")),
         },
-    ),
-    row(
-        "one that is known is not asked its name again",
-        given=SSW07,
-        then={40: asked_its_name("pump", 0.2)},
     ),
     row(
         "one that goes offline after each question for its name is asked again, and is then read",

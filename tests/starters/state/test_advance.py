@@ -99,6 +99,10 @@ TRIPS = [
         ["e05 on", f"2 {OVERLOAD}"],  # it keeps its number
     ),
     (
+        ((2, f"{TRIP} P014=5"), (3, f"{TRIP} P014=5"), (4, "P014=6"), (5, "P014=6")),  # a further fault
+        ["e05 on", f"2 {OVERLOAD}", "e06 on", "e05 off", "4 fault E06 (not in the manual)"],
+    ),
+    (
         ((2, f"{TRIP} P014=5"), (3, f"{TRIP} P014=5"), (4, f"{REST} P014=0"), (5, REST), (6, "P014=0")),
         ["e05 on", f"2 {OVERLOAD}", "e05 off", "4 cleared: E05 Motor overload"],
     ),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import itertools
 from typing import NamedTuple
 
@@ -11,11 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.contract import Quality
-from gateway.starters.state.publication import REFRESH_S, SOONEST_S, TICK_S, Published, due_values, is_news
-from gateway.starters.state.publisher import TickTimer
+from gateway.starters.state.publication import REFRESH_S, SOONEST_S, Published, due_values, is_news
 from gateway.starters.state.readings import Reading, Value
 from gateway.starters.state.starter_state import StarterState
-from tests.virtual_time import VirtualClock, run_virtually
 
 DEADBAND = 1.0
 EPSILON_S = 1e-9
@@ -115,16 +112,3 @@ def test_news_is_a_change_of_quality_or_beyond_the_deadband(
     before: Reading, now: Reading, deadband: float, *, expected: bool
 ) -> None:
     assert is_news(before, now, deadband) is expected
-
-
-def test_a_timer_calls_once_at_the_earliest_of_the_times_it_was_given() -> None:
-    async def scenario() -> list[float]:
-        loop = asyncio.get_running_loop()
-        begun_s, called_s = loop.time(), list[float]()
-        timer = TickTimer(VirtualClock(loop), lambda: called_s.append(loop.time() - begun_s))
-        for due_s in (1.9, 1.8, 2.0, 5.0, 0.9):
-            timer.at(begun_s + due_s)
-        await asyncio.sleep(10.0)
-        return called_s
-
-    assert run_virtually(scenario()) == pytest.approx([0.9], abs=2 * TICK_S)
