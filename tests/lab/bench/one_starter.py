@@ -14,7 +14,15 @@ from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadCoils, ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.starters import Dispatcher, Policy, PolicySettings, Rights, StarterSetup, StarterTelemetry, polls_of
+from gateway.starters import (
+    Dispatcher,
+    Policy,
+    PolicySettings,
+    Rights,
+    StarterSetup,
+    StarterTelemetry,
+    polls_of,
+)
 from tests.starters.world import MemoryJournal
 from tests.virtual_time import VirtualClock
 
