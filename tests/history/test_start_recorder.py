@@ -262,8 +262,10 @@ def test_what_is_a_start_and_how_it_ended(replies: str, outcomes: list[str]) -> 
 def test_another_start_is_local_or_remote_as_the_starter_shows(remote: bool | None, source: str) -> None:
     one = recorder()
     flags: dict[str, Value] = {} if remote is None else {"remote": remote}
-    for at_s, state in ((0.0, "running"), (10.0, "stopping"), (14.0, "ready"), (101.0, "starting")):
+    for at_s, state in ((0.0, "running"), (10.0, "stopping"), (12.0, "ready"), (14.0, "ready")):
+        one.lose()  # meanwhile it may have been started: it stands still since it was seen again
         one.take(one_reply(at_s, state, **flags))
+    one.take(one_reply(101.0, "starting", **flags))
     one.take(one_reply(50.0, "running", **flags))  # out of order
 
     lost = one.lose()
