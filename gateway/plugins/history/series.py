@@ -69,10 +69,8 @@ class Steps:
         self._advance(now_s)
         index = (self._slot or 0) % self._slots
         least, most, last = self._columns
-        if not math.isnan(value):
-            is_first = math.isnan(least[index])
-            least[index] = value if is_first else min(least[index], value)
-            most[index] = value if is_first else max(most[index], value)
+        if not math.isnan(value):  # which wins against a NaN that is the second one
+            least[index], most[index] = min(value, least[index]), max(value, most[index])
         last[index] = self._held = value
 
     def forget(self, since_s: float, now_s: float) -> None:
@@ -202,8 +200,7 @@ def gathered(samples: Iterable[Sample], *, begin_s: float, step_s: float, steps:
             continue
         lows, highs, lasts = columns
         if not math.isnan(least):
-            lows[index] = lows[index] if lows[index] < least else least  # also where it was not known yet
-            highs[index] = highs[index] if highs[index] > most else most
+            lows[index], highs[index] = min(least, lows[index]), max(most, highs[index])
         lasts[index] = last
     return Series(*([_short(value) for value in column] for column in columns))
 
