@@ -30,7 +30,7 @@ HOUR_S, PER_HOUR = 3600.0, 60
 BEAT_S = 2.0
 STILL_S = 6.0  # without a beat for longer, the gateway stood still: nothing was read
 STORE_EVERY_S = 590.0  # what a kill loses is ten minutes
-MOST_AT_ONCE = 2  # starters that are stored at a beat: a stop waits for no more
+MOST_AT_ONCE = 2  # starters that are stored at one beat: the loop has other work as well
 ROWS = 192  # of each starter that stay: seven days, and a row more for each of 24 restarts
 NAN = math.nan
 
