@@ -372,11 +372,6 @@ REQUESTS = [
         },
     ),
     row(
-        "below a base path it is served there",
-        given=SSW07 + table("web", listen="127.0.0.1:8480", base_path="/motors/"),
-        then={5.0: answer("/motors/api/v1/state", session={"logins": False})},
-    ),
-    row(
         "the page is switched on and changed by reloads",
         given=SSW07,
         at={5.0: reload(SSW07 + WEB), 10.0: reload(FOUR + ALICE + WEB + LOGIN)},
@@ -435,19 +430,6 @@ COMMANDS = [
         },
     ),
     row(
-        "a stop of a group is answered for each of its starters",
-        given=FOUR + ALICE + WEB + LOGIN + GROUP,
-        at={5.0: log_in()},
-        then={
-            5.1: answer("/api/v1/command/hall/stop", post={}),
-            12.0: lambda plant: (
-                ""
-                if all(plant.starter(name).writes for name in ("pump", "fan", "mill", "belt"))
-                else "one was left out"
-            ),
-        },
-    ),
-    row(
         "a stop of a group is answered to its end, also where one of its starters is silent",
         given=FOUR + ALICE + WEB + LOGIN + GROUP,
         at={5.0: [log_in(), "belt power off"]},
@@ -472,23 +454,6 @@ COMMANDS = [
                 phases("start", "accepted ok", "rejected not_as_expected", expect={"state": "running"}),
                 frames("pump"),
             ]
-        },
-    ),
-    row(
-        "the same id twice acts once",
-        given=PAGE,
-        sim={"pump": QUICK},
-        at={5.0: log_in()},
-        then={
-            5.1: phases("start", "accepted ok", "written ok", "confirmed ok", id="web-1"),
-            8.0: [
-                lambda plant: (
-                    ""
-                    if pressed(plant, "start", id="web-1").json["phases"][-1]["duplicate"] is True
-                    else "again"
-                ),
-                frames("pump", "05 00 64 ff 00"),
-            ],
         },
     ),
     row(
