@@ -203,6 +203,7 @@ REQUESTS = [
                 answer("/api/v1/login", 405),
                 answer(TO + "stop", 413, post=b"{" + b" " * 5000 + b"}", error="too_big"),
                 answer("/api/v1/login", 400, post=b"[1", error="bad_json"),
+                answer("/api/v1/state", 431, headers={"x_long": "a" * 8192}, error="too_big"),
                 phases("fly", "rejected unknown_verb"),
             ]
         },
