@@ -193,9 +193,8 @@ class Server:
             if connection.transport is not None and not connection.transport.is_closing():
                 connection.shutdown()
         under_way = {*self._state.tasks, *self._opening}
-        if (
-            under_way
-        ):  # not asyncio.timeout: up to Python 3.11.3 it does not end by itself in a cancelled task
+        # Not asyncio.timeout: up to Python 3.11.3 it does not end by itself in a task being cancelled.
+        if under_way:
             await asyncio.wait(under_way, timeout=END_WITHIN_S)
         for request in tuple(self._state.tasks):
             request.cancel()
