@@ -155,8 +155,8 @@ async def no_payloads(_: Sequence[str]) -> dict[str, bytes]:
 NO_OUTBOX = StoredRecords(keep=stored_at_once, payloads=no_payloads, let_go=lambda _: None)
 
 
-def recorder(points: StartPoints = POINTS) -> StartRecorder:
-    made = StartRecorder("pump", points, boot="boot", sequence=itertools.count(1))
+def recorder() -> StartRecorder:
+    made = StartRecorder("pump", POINTS, boot="boot", sequence=itertools.count(1))
     made.rated_a = RATED_A
     return made
 

@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import pytest
 
 from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
-from gateway.plugins.history.start_recorder import LONGEST_S, StartPoints, StartRecorder
+from gateway.plugins.history.start_recorder import LONGEST_S, StartRecorder
 from gateway.starters import Readings, Value
-from tests.history.support import POINTS, UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
+from tests.history.support import UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
 
 WITHIN = 0.03
 
@@ -122,27 +120,17 @@ def test_a_long_start_at_a_high_rate_stays_small_and_true() -> None:
     assert summary.peak_a == max(value for value in summary.samples["current"] if value is not None)
 
 
-def test_the_heating_is_the_rise_of_the_thermal_level() -> None:
-    one = recorder(replace(POINTS))
-    feed(one, one_reply(0.0, "ready", p050=12), one_reply(0.5, "starting", p050=12))
-    feed(one, one_reply(5.0, "running"), one_reply(7.0, "running", p050=31))
+def test_the_heating_is_the_rise_of_the_thermal_level_and_the_lowest_voltage_that_of_the_ramp() -> None:
+    one = recorder()
+    feed(one, one_reply(0.0, "ready", p050=12, line_voltage=300.0))
+    feed(one, one_reply(0.5, "starting", p050=12, line_voltage=392.0))
+    feed(one, one_reply(1.0, "starting", line_voltage=371.0), one_reply(5.0, "running", line_voltage=399.0))
+    feed(one, one_reply(7.0, "running", p050=31, line_voltage=200.0))
 
     summary = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
 
-    assert summary.heating_pct == 19.0
+    assert (summary.heating_pct, summary.lowest_v) == (19.0, 371.0)
     assert summary.samples["thermal"][-1] == 31.0
-
-
-def test_the_lowest_voltage_is_that_of_the_start_alone() -> None:
-    columns = ("current", "line_voltage", "output_voltage", "torque_pct", "power_factor", "")
-    one = recorder(StartPoints(POINTS.motion, columns))
-    feed(one, one_reply(0.0, "ready", line_voltage=300.0))
-    feed(one, one_reply(0.5, "starting", line_voltage=392.0), one_reply(1.0, "starting", line_voltage=371.0))
-    feed(one, one_reply(5.0, "running", line_voltage=399.0), one_reply(7.0, "running", line_voltage=200.0))
-
-    summary = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
-
-    assert summary.lowest_v == 371.0
 
 
 def read_wrongly(one: StartRecorder, motor: ReadMotor, wrong: dict[int, float]) -> list[StartRecord]:
@@ -262,8 +250,10 @@ def test_what_is_a_start_and_how_it_ended(replies: str, outcomes: list[str]) -> 
 def test_another_start_is_local_or_remote_as_the_starter_shows(remote: bool | None, source: str) -> None:
     one = recorder()
     flags: dict[str, Value] = {} if remote is None else {"remote": remote}
-    for at_s, state in ((0.0, "running"), (10.0, "stopping"), (14.0, "ready"), (101.0, "starting")):
+    for at_s, state in ((0.0, "running"), (10.0, "stopping"), (12.0, "ready"), (14.0, "ready")):
+        one.lose()  # meanwhile it may have been started: it stands still since it was seen again
         one.take(one_reply(at_s, state, **flags))
+    one.take(one_reply(101.0, "starting", **flags))
     one.take(one_reply(50.0, "running", **flags))  # out of order
 
     lost = one.lose()

@@ -10,7 +10,7 @@ import random
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -19,7 +19,7 @@ from gateway.cli.command import place_of
 from gateway.cli.report.document import ReportDocument, document_of
 from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.config.reading import load
-from gateway.contract import EventRecord, Record, RecordWriter, TripRecord, rfc3339
+from gateway.contract import EventRecord, Record, RecordWriter, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.plugins.history.delivery import Delivery, Past
@@ -29,33 +29,21 @@ from gateway.starters import FINGERPRINTS, KNOWN, StarterSetup
 from gateway.starters.identity.registry import Fingerprint, Known
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document
 from gateway.system.clock import Clock
+from tests.contract.examples import TRIP
 from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, NoFile, ReadMotor
+from tests.rig.sites import line, starter, table
 
 STARTER = "cooling-fan-2"
 DAY_S = 86400.0
 BEGAN_S = datetime(2025, 11, 1, tzinfo=UTC).timestamp()
 DAYS = 380
 
-CONFIG = f"""
-[gateway]
-name = "cement-mill"
-state_dir = "state"
-
-[mqtt]
-url = "mqtt://127.0.0.1:{{port}}"
-
-[[line]]
-name = "cooling"
-port = "/dev/ttyRS485-1"
-baud = 19200
-framing = "8E1"
-
-[[line.starter]]
-name = "{STARTER}"
-address = 7
-family = "ssw07"
-model = "SSW-07 200A"
-"""
+CONFIG = (
+    table("gateway", name="cement-mill", state_dir="state")
+    + table("mqtt", url="mqtt://127.0.0.1:{port}")
+    + line("cooling", port="/dev/ttyRS485-1", baud=19200, framing="8E1")
+    + starter(STARTER, 7, "ssw07", model="SSW-07 200A")
+)
 
 
 STATISTICS = {  # of its line, at the end
@@ -142,21 +130,9 @@ def _trips() -> list[HistoryRow]:
     for number, (day, code, text) in enumerate(
         ((96, "e03", "Phase loss"), (331, "e05", "Motor overload"), (362, "e05", "Motor overload"))
     ):
-        time_s = BEGAN_S + day * DAY_S + 47_000.0 + 911 * number
-        id_ = f"8c41d07e-t{number}"
-        trip = TripRecord(
-            starter=STARTER,
-            id=id_,
-            time_s=time_s,
-            boot="8c41d07e",
-            seq=number,
-            code=code,
-            text=text,
-            state_before="running",
-            readings=NOTHING,
-            at_fault={},
-            fault_history=(),
-        )
+        time_s, id_ = BEGAN_S + day * DAY_S + 47_000.0 + 911 * number, f"8c41d07e-t{number}"
+        nothing = {"readings": NOTHING, "at_fault": {}, "fault_history": (), "state_before": "running"}
+        trip = replace(TRIP, starter=STARTER, id=id_, time_s=time_s, code=code, text=text, **nothing)
         found.append(HistoryRow(STARTER, "trip", id_, trip.fields(), 100))
     return found
 
@@ -207,9 +183,9 @@ async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> P
 
 def report_of(path: Path, language: str = "en", published: PublishedFacts = PUBLISHED) -> ReportDocument:
     """Return the report of a year that was written."""
-    line, starter = place_of(load(path), STARTER)
-    profile, state_dir = load_profile(starter.family, language), path.parent / "state"
-    facts = facts_of(line, starter, profile=profile, state_dir=state_dir, published=published)
+    on, motor = place_of(load(path), STARTER)
+    profile, state_dir = load_profile(motor.family, language), path.parent / "state"
+    facts = facts_of(on, motor, profile=profile, state_dir=state_dir, published=published)
     return document_of(facts, gateway="cement-mill", made_s=BEGAN_S + DAYS * DAY_S, language=language)
 
 

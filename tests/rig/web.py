@@ -15,9 +15,6 @@ ORIGIN = f"http://{HOST}"
 class NoSocket:
     """In place of the server: it has the application, and listens nowhere."""
 
-    refused = 0
-    address = ("127.0.0.1", 8480)
-
     def __init__(self, on_open: Callable[[Any], None], app: Any, _settings: Any) -> None:
         self._on_open = on_open
         self._app = app

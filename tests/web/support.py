@@ -128,9 +128,6 @@ class FakeGateway:
     def progress(self) -> Mapping[str, int]:
         return {}
 
-    def clock_doubt(self) -> None:
-        return None
-
     async def stored(self, *_: Any) -> Any:
         raise StoreError("there is no history")
 

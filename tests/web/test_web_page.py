@@ -13,10 +13,8 @@ from typing import Any, cast
 import pytest
 
 from gateway.plugins.web.page import Page
-from gateway.plugins.web.plugin import MISSING, settings_of
+from gateway.plugins.web.plugin import settings_of
 from tests.config.sites import site
-from tests.rig import RigPlant
-from tests.rig.sites import ALICE, SSW07, WEB
 from tests.web.support import FakeGateway, HandClock, web_settings
 
 TABLE = '[[operator]]\nclient = "alice"'
@@ -29,27 +27,6 @@ def test_the_gateway_itself_imports_neither_web_server_nor_prometheus() -> None:
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
 
     assert found.stdout.strip() == "set()"
-
-
-def test_a_bug_in_what_the_page_takes_ends_the_page_alone_and_it_begins_again(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    def fail(*_: object, **__: object) -> None:
-        raise ZeroDivisionError("ordered")
-
-    with RigPlant(SSW07 + ALICE + WEB) as plant:
-        plant.run(until=5.0)
-        monkeypatch.setattr("gateway.plugins.web.site_model.SiteModel.put", fail)
-        plant.run(until=5.5)
-        plant.command("pump/alice/stop")
-        plant.run(until=6.0)
-        monkeypatch.undo()
-        plant.run(until=30.0)
-
-        assert plant.results()[-1] == "stop confirmed ok"
-        assert any("ordered" in bug for bug in plant.bugs.found)
-        assert "pump" in plant.get("/api/v1/state").json["starters"]
-        plant.bugs.found.clear()
 
 
 async def test_an_address_that_stays_in_use_is_one_event(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -74,19 +51,6 @@ async def test_an_address_that_stays_in_use_is_one_event(monkeypatch: pytest.Mon
     await asyncio.gather(task, return_exceptions=True)
 
     assert gateway.events == ["web_away"]
-
-
-def test_missing_packages_are_an_event_and_nothing_else(monkeypatch: pytest.MonkeyPatch) -> None:
-    for name in [each for each in sys.modules if each.startswith(("starlette", "gateway.plugins.web."))]:
-        monkeypatch.delitem(sys.modules, name)
-    monkeypatch.setitem(sys.modules, "starlette", None)
-
-    with RigPlant(SSW07 + WEB) as plant:
-        plant.run(until=60.0)
-
-        (event,) = [each.json for each in plant.messages("gateway/event") if each.json["code"] == "web_away"]
-        assert event["text"] == MISSING.text
-        assert plant.last("starter/pump/availability")["state"] == "online"
 
 
 def test_settings_are_plain_values_with_paths_below_the_configurations_folder() -> None:

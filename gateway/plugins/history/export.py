@@ -72,25 +72,23 @@ class Recording:
 
 
 def recording_of(starter: str, data: Mapping[str, Any], *, units: Mapping[str, str]) -> Recording:
-    """Return what the JSON of a start or of a trip holds; ValueError with the reason when it holds none.
+    """Return what the JSON of a start or of a trip holds; ValueError where it holds no readings.
 
     `units` are those of the starter's points.
     """
-    try:
-        kind = "trip" if "readings" in data else "start"
-        table = data["readings"] if kind == "trip" else data["samples"]
-        t_s = tuple(float(t_s) for t_s in table["t_s"])
-        columns = table["points"] if kind == "trip" else {n: v for n, v in table.items() if n != "t_s"}
-        columns = {**columns, **{n: [v] * len(t_s) for n, v in table.get("constant", {}).items()}}
-        channels = tuple(_channel(name, column, len(t_s), units) for name, column in sorted(columns.items()))
-        time = data.get("time")
-        moment = None if time is None else datetime.fromisoformat(str(time)).astimezone(UTC)
-        identity = str(data.get("id", ""))
-    except (KeyError, TypeError, AttributeError) as error:
-        raise ValueError(f"not the record of a start or of a trip: {error!r}") from error
-    if not t_s or not channels:
-        raise ValueError(f"the {kind} {identity} holds no readings")
-    return Recording(starter, kind, identity, moment, t_s, channels)
+    kind = "trip" if "readings" in data else "start"
+    table = data["readings"] if kind == "trip" else data.get("samples", {})
+    t_s = tuple(table.get("t_s", ()))
+    columns = table["points"] if kind == "trip" else {n: v for n, v in table.items() if n != "t_s"}
+    columns = {**columns, **{n: [v] * len(t_s) for n, v in table.get("constant", {}).items()}}
+    if not t_s or not columns:
+        raise ValueError(f"the {kind} {data['id']} holds no readings")
+    channels = tuple(
+        Channel(name, units.get(name) or UNITS.get(name, ""), tuple(column))
+        for name, column in sorted(columns.items())
+    )
+    moment = None if data["time"] is None else datetime.fromisoformat(data["time"])
+    return Recording(starter, kind, data["id"], moment, t_s, channels)
 
 
 def to_csv(recording: Recording) -> str:
@@ -103,27 +101,12 @@ def to_csv(recording: Recording) -> str:
     names = [f"{each.name} [{each.unit}]" if each.unit else each.name for each in recording.channels]
     writer.writerow(["t_s", "time", *names])
     for row, t_s in enumerate(recording.t_s):
-        writer.writerow(
-            [t_s, _utc(recording.moment, t_s), *(_cell(c.values[row]) for c in recording.channels)]
-        )
+        time = None if recording.moment is None else rfc3339(recording.moment.timestamp() + t_s)
+        writer.writerow([t_s, time, *(_cell(channel.values[row]) for channel in recording.channels)])
     return out.getvalue()
 
 
-def _channel(name: str, column: Sequence[Any], count: int, units: Mapping[str, str]) -> Channel:
-    if len(column) != count:
-        raise ValueError(f"{name} has {len(column)} values at {count} moments")
-    return Channel(name, units.get(name) or UNITS.get(name, ""), tuple(column))
-
-
-def _utc(moment: datetime | None, t_s: float) -> str:
-    if moment is None:
-        return ""
-    return rfc3339(moment.timestamp() + t_s) or ""
-
-
 def _cell(value: float | bool | None) -> Any:  # noqa: FBT001 - a reading
-    if value is None:
-        return ""
     return int(value) if isinstance(value, bool) else value
 
 

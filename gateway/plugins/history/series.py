@@ -30,7 +30,7 @@ HOUR_S, PER_HOUR = 3600.0, 60
 BEAT_S = 2.0
 STILL_S = 6.0  # without a beat for longer, the gateway stood still: nothing was read
 STORE_EVERY_S = 590.0  # what a kill loses is ten minutes
-MOST_AT_ONCE = 2  # starters that are stored at a beat: a stop waits for no more
+MOST_AT_ONCE = 2  # starters that are stored at one beat: the loop has other work as well
 ROWS = 192  # of each starter that stay: seven days, and a row more for each of 24 restarts
 NAN = math.nan
 
@@ -69,10 +69,8 @@ class Steps:
         self._advance(now_s)
         index = (self._slot or 0) % self._slots
         least, most, last = self._columns
-        if not math.isnan(value):
-            is_first = math.isnan(least[index])
-            least[index] = value if is_first else min(least[index], value)
-            most[index] = value if is_first else max(most[index], value)
+        if not math.isnan(value):  # which wins against a NaN that is the second one
+            least[index], most[index] = min(value, least[index]), max(value, most[index])
         last[index] = self._held = value
 
     def forget(self, since_s: float, now_s: float) -> None:
@@ -202,8 +200,7 @@ def gathered(samples: Iterable[Sample], *, begin_s: float, step_s: float, steps:
             continue
         lows, highs, lasts = columns
         if not math.isnan(least):
-            lows[index] = lows[index] if lows[index] < least else least  # also where it was not known yet
-            highs[index] = highs[index] if highs[index] > most else most
+            lows[index], highs[index] = min(least, lows[index]), max(most, highs[index])
         lasts[index] = last
     return Series(*([_short(value) for value in column] for column in columns))
 

@@ -264,7 +264,7 @@ class StartRecorder:
         was_seen = not math.isnan(since_s)
         if not was_seen:  # when it began to accelerate: between the last reply before and the first after
             since_s, until_s = earliest_s, start.seen_s
-        if command is not None:
+        if command is not None:  # it began after the write of our command
             since_s = min(max(since_s, self._commands[command]), until_s)
         zero_s, end_s = _middle(since_s, until_s), _middle(*(start.ended or (math.nan, math.nan)))
         begin_within_s = until_s - zero_s if was_seen else math.nan

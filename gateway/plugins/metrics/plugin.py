@@ -65,6 +65,7 @@ class Metrics:
         self._gateway = gateway
         self._collector = collector
         self._settings = settings
+        self.token = settings.token  # that a scrape must carry; None: nothing
         self._clock = gateway.clock
         self._counts = RecordCounts(VERBS)
         self._making = asyncio.Lock()
@@ -80,14 +81,9 @@ class Metrics:
 
     def reconfigure(self, settings: MetricsSettings) -> None:
         """Follow other settings; what was counted stays."""
-        self._settings = settings
+        self._settings, self.token = settings, settings.token
         self._made_s = -math.inf
         self._moved.set()
-
-    @property
-    def token(self) -> str | None:
-        """Return what a scrape must carry; None: nothing."""
-        return self._settings.token
 
     async def text(self) -> bytes:
         """Return what a scrape gets; at most a second old."""

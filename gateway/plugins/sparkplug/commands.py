@@ -52,7 +52,7 @@ class CommandMapper:
     def judge(self, asked: DeviceCommand) -> Iterator[Judgement]:
         """Yield one answer for each metric of a DCMD, the stops first, and one for all that are too many."""
         writes = asked.command.writes(MOST_WRITES, first=STOP_METRIC)
-        has_stop = bool(writes) and _is_stop(writes[0])
+        has_stop = any(write.name == STOP_METRIC and write.is_true for write in writes)
         for write in writes:
             yield self._request(asked, write), _refusal(asked, write, has_stop=has_stop)
         more = len(asked.command.metrics) - len(writes)
@@ -97,10 +97,6 @@ def _refusal(asked: DeviceCommand, write: HostWrite, *, has_stop: bool) -> Comma
         if has_stop:
             return CommandError(ResultCode.BAD_PAYLOAD, "with_stop")
     return CommandError(ResultCode.RETAINED) if asked.is_retained else None
-
-
-def _is_stop(write: HostWrite) -> bool:
-    return write.name == STOP_METRIC and write.is_true
 
 
 def _shown(name: str) -> str:

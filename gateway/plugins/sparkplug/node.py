@@ -37,11 +37,9 @@ from gateway.plugins.sparkplug.payload import (
     encoded,
 )
 from gateway.plugins.sparkplug.settings import BD_SEQ, REBIRTH, SEQ_NUMBERS, SparkplugSettings
-from gateway.system.rate_limits import Bucket, Rate
 
 GATHER_S = 0.25
 REBIRTH_EVERY_S = 5.0
-NODE_COMMANDS = Rate(5.0, 10)  # a second, at once: decoding takes time of the loop that carries out the stops
 ANSWERING = frozenset({"online", "degraded"})
 OF_LINES = ("utilisation", "sweep_s")
 
@@ -168,7 +166,6 @@ class EdgeNode:
         self._dues: dict[str, float] = {}  # who has something to say, and when it goes out; empty: the node
         self._bd_seq: int | None = None  # None: no connection
         self._seq = 0
-        self._commands = Bucket(NODE_COMMANDS)
         self._rebirth_s = inf  # when the next one is due
         self._last_rebirth_s = -inf
         self.born_utc_s: float | None = None  # the first birth of this connection; None: none was published
@@ -225,12 +222,11 @@ class EdgeNode:
         self._own.is_born = False
 
     def take_command(self, payload: bytes, now_s: float) -> None:
-        """Honour a host's request for a rebirth; of a flood of NCMDs only some are looked into."""
-        if self._commands.take(now_s):
-            command = decoded_command(payload)
-            if command is not None and command.is_asking(REBIRTH):
-                due_s = max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S)
-                self._rebirth_s = min(self._rebirth_s, due_s)
+        """Honour a host's request for a rebirth."""
+        command = decoded_command(payload)
+        if command is not None and command.is_asking(REBIRTH):
+            due_s = max(now_s, self._last_rebirth_s + REBIRTH_EVERY_S)
+            self._rebirth_s = min(self._rebirth_s, due_s)
 
     def look(self, now_s: float) -> None:
         """Note which records are newer than those of the last look."""

@@ -1,4 +1,4 @@
-"""The edge node of a site: its table, its topics, and what of the configuration concerns it; pure."""
+"""The edge node of a site: its table, its topics, and the configuration that concerns it; pure."""
 
 from __future__ import annotations
 

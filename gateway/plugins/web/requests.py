@@ -14,7 +14,7 @@ from __future__ import annotations
 import hmac
 import ipaddress
 import secrets
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from urllib.parse import urlsplit
 
@@ -52,7 +52,7 @@ class Caller:
     address: str  # of the browser, as far as a trusted proxy says so
     host: str  # as in the Host header, perhaps with a port
     scheme: str  # http or https
-    headers: Mapping[str, str] = field(default_factory=dict, compare=False)  # by lower-case name
+    headers: Mapping[str, str] = field(default_factory=dict, compare=False)  # lower case; twice: by commas
 
     @property
     def is_tls(self) -> bool:
@@ -62,15 +62,6 @@ class Caller:
     def header(self, name: str) -> str:
         """Return a header; empty when it is not there."""
         return self.headers.get(name, "")
-
-
-def headers_of(headers: Iterable[Header]) -> dict[str, str]:
-    """Return the headers by lower-case name; of one that comes twice the values, joined by commas."""
-    found: dict[str, str] = {}
-    for name, value in headers:
-        key, text = name.decode("latin-1").lower(), value.decode("latin-1")
-        found[key] = f"{found[key]},{text}" if key in found else text
-    return found
 
 
 def caller_of(settings: WebSettings, headers: Mapping[str, str], *, peer: str, scheme: str) -> Caller:

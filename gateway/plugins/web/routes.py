@@ -13,6 +13,7 @@ from contextlib import suppress
 from functools import partial
 from typing import Any
 
+from starlette.datastructures import Headers
 from starlette.requests import ClientDisconnect, Request
 from starlette.responses import Response
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
@@ -34,7 +35,6 @@ from gateway.plugins.web.requests import (
     WebError,
     busy,
     caller_of,
-    headers_of,
     is_own_host,
     path_in,
     require_own_post,
@@ -115,7 +115,8 @@ class WebApp:
     async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
         """Answer one request; whatever fails in it is logged and answered 500."""
         peer = (scope.get("client") or ("", 0))[0]
-        headers = headers_of(scope["headers"])
+        given = Headers(scope=scope)
+        headers = {name: ",".join(given.getlist(name)) for name in given}
         caller = caller_of(self._model.settings, headers, peer=peer, scheme=scope["scheme"])
         scope["caller"] = caller
         is_begun = False

@@ -96,21 +96,14 @@ class Server:
         self._state = ServerState()
         self._connections: set[Connection] = set()
         self._opening: set[asyncio.Task[None]] = set()
-        self._socket: socket.socket | None = None
         self._context: ssl.SSLContext | None = None
-        self.refused = 0  # connections beyond the limit
         self.is_open = asyncio.Event()
-
-    @property
-    def address(self) -> tuple[str, int] | None:
-        """Return where it listens; None while it does not."""
-        return None if self._socket is None else self._socket.getsockname()[:2]
 
     async def run(self) -> None:
         """Serve until cancelled; OSError when the address or the certificate cannot be used."""
         await self.renew()
         self._config.load()
-        self._socket = listener = _listening(self._settings.host, self._settings.port)
+        listener = _listening(self._settings.host, self._settings.port)
         self.is_open.set()
         watching = asyncio.create_task(self._watch(), name="web connections")
         try:
@@ -118,7 +111,6 @@ class Server:
         finally:
             watching.cancel()
             listener.close()
-            self._socket = None
             await self._end()
 
     async def renew(self) -> None:
@@ -135,7 +127,6 @@ class Server:
                 await asyncio.sleep(LOOK_S)
                 continue
             if len(self._connections) + len(self._opening) >= MOST_CONNECTIONS and not self._make_room():
-                self.refused += 1
                 accepted.close()
                 continue
             task = loop.create_task(self._open(accepted, self._context))
@@ -201,11 +192,10 @@ class Server:
             # A TLS transport that is closed twice cannot be aborted: it waits for its client.
             if connection.transport is not None and not connection.transport.is_closing():
                 connection.shutdown()
-        loop = asyncio.get_running_loop()
-        until_s = loop.time() + END_WITHIN_S
+        under_way = {*self._state.tasks, *self._opening}
         # Not asyncio.timeout: up to Python 3.11.3 it does not end by itself in a task being cancelled.
-        while (under_way := {*self._state.tasks, *self._opening}) and (left_s := until_s - loop.time()) > 0:
-            await asyncio.wait(under_way, timeout=left_s)
+        if under_way:
+            await asyncio.wait(under_way, timeout=END_WITHIN_S)
         for request in tuple(self._state.tasks):
             request.cancel()
         for connection in tuple(self._connections):

@@ -1,4 +1,4 @@
-"""What tests of the page have: Chromium, and a page that is open at the pump, where somebody is logged in."""
+"""What tests of the page have: Chromium beside a plant; a page at the pump, where somebody is logged in."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.page.support import PumpPage, browser, logged_in, need_chromium, page_plant
+from tests.end_to_end.page.support import PumpPage, Site, browser, logged_in, need_chromium, page_plant
 from tests.mosquitto import StartMosquitto
 
 
@@ -23,3 +23,10 @@ async def pump(start_mosquitto: StartMosquitto, tmp_path: Path) -> AsyncIterator
         page = await chromium.open(f"{plant.url}#/starter/pump")
         await logged_in(page)
         yield plant, page
+
+
+@pytest.fixture
+async def site(start_mosquitto: StartMosquitto, tmp_path: Path) -> AsyncIterator[Site]:
+    """Give a plant and a browser that shows nothing yet."""
+    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
+        yield plant, chromium

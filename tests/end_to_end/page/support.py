@@ -102,6 +102,9 @@ class Browser:
         return page
 
 
+Site = tuple[PagePlant, Browser]
+
+
 @asynccontextmanager
 async def browser() -> AsyncIterator[Browser]:
     """Start Chromium; at its end no page may have had an error of its script or of the content policy."""

@@ -10,7 +10,7 @@ import pytest
 from axe_playwright_python.base import AXE_FILE_PATH
 from playwright.async_api import Page, expect
 
-from tests.end_to_end.page.support import browser, logged_in, page_plant
+from tests.end_to_end.page.support import Site, browser, logged_in, page_plant
 from tests.mosquitto import StartMosquitto
 from tests.rig.sites import ALICE, starter
 
@@ -33,41 +33,41 @@ async def findings(page: Page) -> list[str]:
     ]
 
 
-async def test_axe_finds_nothing_on_any_page(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        plant.scada.set_knob("mill", "trip", "F005")
-        plant.scada.set_knob("fan", "control", "local")
-        await plant.scada.until("starter/mill/state", state="fault")
-        for scheme in ("light", "dark"):
-            page = await chromium.open(plant.url, color_scheme=scheme)
-            await logged_in(page)
-            for address in PAGES:
-                await page.goto(plant.url + address)
-                await page.wait_for_timeout(1500.0)
-                assert await findings(page) == [], (scheme, address)
-            await page.context.close()
-
-
-async def test_a_phone_shows_everything_without_scrolling_sideways_and_with_targets_for_a_glove(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(plant.url, viewport={"width": 360, "height": 740}, has_touch=True)
+async def test_axe_finds_nothing_on_any_page(site: Site) -> None:
+    plant, chromium = site
+    plant.scada.set_knob("mill", "trip", "F005")
+    plant.scada.set_knob("fan", "control", "local")
+    await plant.scada.until("starter/mill/state", state="fault")
+    for scheme in ("light", "dark"):
+        page = await chromium.open(plant.url, color_scheme=scheme)
         await logged_in(page)
         for address in PAGES:
             await page.goto(plant.url + address)
-            await page.wait_for_timeout(1000.0)
-            assert await page.evaluate("document.documentElement.scrollWidth") <= 360, address
-            sizes = await page.evaluate(
-                "[...document.querySelectorAll('button, input, select, nav a, li a')]"
-                ".filter((e) => e.offsetParent && !e.closest('dialog'))"
-                ".map((e) => [e.outerHTML.slice(0, 80), e.getBoundingClientRect().height])"
-            )
-            assert [each for each in sizes if each[1] < 44] == [], address
-        await page.goto(f"{plant.url}#/starter/pump")
-        stop = await page.locator("button.stop").bounding_box()
-        assert stop is not None
-        assert stop["y"] + stop["height"] <= 740  # without scrolling
+            await page.wait_for_timeout(1500.0)
+            assert await findings(page) == [], (scheme, address)
+        await page.context.close()
+
+
+async def test_a_phone_shows_everything_without_scrolling_sideways_and_with_targets_for_a_glove(
+    site: Site,
+) -> None:
+    plant, chromium = site
+    page = await chromium.open(plant.url, viewport={"width": 360, "height": 740}, has_touch=True)
+    await logged_in(page)
+    for address in PAGES:
+        await page.goto(plant.url + address)
+        await page.wait_for_timeout(1000.0)
+        assert await page.evaluate("document.documentElement.scrollWidth") <= 360, address
+        sizes = await page.evaluate(
+            "[...document.querySelectorAll('button, input, select, nav a, li a')]"
+            ".filter((e) => e.offsetParent && !e.closest('dialog'))"
+            ".map((e) => [e.outerHTML.slice(0, 80), e.getBoundingClientRect().height])"
+        )
+        assert [each for each in sizes if each[1] < 44] == [], address
+    await page.goto(f"{plant.url}#/starter/pump")
+    stop = await page.locator("button.stop").bounding_box()
+    assert stop is not None
+    assert stop["y"] + stop["height"] <= 740  # without scrolling
 
 
 def many(count: int) -> str:

@@ -16,6 +16,7 @@ from tests.end_to_end.page.support import (
     HOLD,
     PagePlant,
     PumpPage,
+    Site,
     browser,
     hold_for,
     logged_in,
@@ -122,16 +123,14 @@ DEEDS: tuple[Callable[..., Awaitable[None]], ...] = (
 )
 
 
-async def test_what_is_no_second_of_holding_starts_nothing(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        for deed in DEEDS:
-            page = await chromium.open(f"{plant.url}#/starter/pump", has_touch=True)
-            await logged_in(page)
-            await deed(page, *await select_start(page))
-            await nothing_started(page, plant, deed.__name__)
-            await page.context.close()
+async def test_what_is_no_second_of_holding_starts_nothing(site: Site) -> None:
+    plant, chromium = site
+    for deed in DEEDS:
+        page = await chromium.open(f"{plant.url}#/starter/pump", has_touch=True)
+        await logged_in(page)
+        await deed(page, *await select_start(page))
+        await nothing_started(page, plant, deed.__name__)
+        await page.context.close()
 
 
 async def test_a_selection_that_is_answered_late_is_given_up(pump: PumpPage) -> None:
@@ -175,41 +174,37 @@ async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_br
         await plant.scada.result("pump", verb="stop", phase="confirmed")
 
 
-async def test_a_clock_that_is_set_back_makes_no_old_value_live(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(plant.url)
-        await expect(page.locator("#live")).to_have_text("LIVE")
-        plant.gateway.signal(signal.SIGSTOP)
-        await page.evaluate("const now = Date.now; Date.now = () => now() - 3600000; 0")
+async def test_a_clock_that_is_set_back_makes_no_old_value_live(site: Site) -> None:
+    plant, chromium = site
+    page = await chromium.open(plant.url)
+    await expect(page.locator("#live")).to_have_text("LIVE")
+    plant.gateway.signal(signal.SIGSTOP)
+    await page.evaluate("const now = Date.now; Date.now = () => now() - 3600000; 0")
 
-        await expect(page.locator("#live")).to_have_text("NOT LIVE", timeout=NOT_LIVE_MS)
-        plant.gateway.signal(signal.SIGCONT)
+    await expect(page.locator("#live")).to_have_text("NOT LIVE", timeout=NOT_LIVE_MS)
+    plant.gateway.signal(signal.SIGCONT)
 
 
-async def test_stop_stands_at_the_same_place_whatever_else_the_page_shows(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
+async def test_stop_stands_at_the_same_place_whatever_else_the_page_shows(site: Site) -> None:
     places: dict[int, list[list[float]]] = {}  # by the width of the page
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        pages = {}
-        for width in (360, 768, 1280, 1920):
-            size = {"width": width, "height": 740}
-            pages[width] = page = await chromium.open(f"{plant.url}#/starter/pump", viewport=size)
-            await logged_in(page)
-            places[width] = [await stop_place(page)]
-            for _ in range(5):
-                await page.click("button.stop")
-            await expect(page.locator(".toast")).to_have_count(5)
-            places[width].append(await stop_place(page))
-            await page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
-            places[width].append(await stop_place(page))
-        plant.gateway.signal(signal.SIGSTOP)
-        for width, page in pages.items():
-            await expect(page.locator("#veil")).to_be_visible()
-            places[width].append(await stop_place(page))
-        plant.gateway.signal(signal.SIGCONT)
+    plant, chromium = site
+    pages = {}
+    for width in (360, 768, 1280, 1920):
+        size = {"width": width, "height": 740}
+        pages[width] = page = await chromium.open(f"{plant.url}#/starter/pump", viewport=size)
+        await logged_in(page)
+        places[width] = [await stop_place(page)]
+        for _ in range(5):
+            await page.click("button.stop")
+        await expect(page.locator(".toast")).to_have_count(5)
+        places[width].append(await stop_place(page))
+        await page.evaluate("window.scrollTo(0, document.body.scrollHeight)")
+        places[width].append(await stop_place(page))
+    plant.gateway.signal(signal.SIGSTOP)
+    for width, page in pages.items():
+        await expect(page.locator("#veil")).to_be_visible()
+        places[width].append(await stop_place(page))
+    plant.gateway.signal(signal.SIGCONT)
 
     assert places == {width: [seen[0]] * 4 for width, seen in places.items()}
 

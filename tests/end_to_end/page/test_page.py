@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 import signal
-from pathlib import Path
 
 import pytest
 from playwright.async_api import expect
@@ -12,41 +11,37 @@ from playwright.async_api import expect
 from tests.end_to_end.page.support import (
     STARTERS,
     PumpPage,
-    browser,
+    Site,
     hold_for,
     hold_to_start,
     logged_in,
-    page_plant,
     select_start,
 )
-from tests.mosquitto import StartMosquitto
 
 pytestmark = [pytest.mark.long]
 
 
-async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(plant.url)
-        await expect(page.locator("#live")).to_have_text("LIVE")
-        for starter in STARTERS:
-            await expect(page.locator(f"li[data-starter={starter}] .state")).to_have_text("ready")
+async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(site: Site) -> None:
+    plant, chromium = site
+    page = await chromium.open(plant.url)
+    await expect(page.locator("#live")).to_have_text("LIVE")
+    for starter in STARTERS:
+        await expect(page.locator(f"li[data-starter={starter}] .state")).to_have_text("ready")
 
-        await plant.scada.command("pump", "start", "one")
-        await plant.scada.until("starter/pump/state", state="starting")
-        await expect(page.locator("li[data-starter=pump] .state")).to_have_text("starting", timeout=1000.0)
+    await plant.scada.command("pump", "start", "one")
+    await plant.scada.until("starter/pump/state", state="starting")
+    await expect(page.locator("li[data-starter=pump] .state")).to_have_text("starting", timeout=1000.0)
 
-        plant.scada.set_knob("mill", "trip", "F005")
-        await plant.scada.until("starter/mill/state", state="fault")
-        await expect(page.locator("li[data-starter=mill] .state")).to_have_text("fault", timeout=1000.0)
-        await expect(page.locator("li[data-starter]").first).to_have_attribute("data-starter", "mill")
-        await expect(page.locator(".counter.fault .count")).to_have_text("1")
-        await page.locator(".counter.fault").click()
-        await expect(page.locator("li[data-starter]")).to_have_count(1)
-        await page.locator(".counter.fault").click()
-        await page.fill("input[type=search]", "fan")
-        await expect(page.locator("li[data-starter]")).to_have_count(1)
+    plant.scada.set_knob("mill", "trip", "F005")
+    await plant.scada.until("starter/mill/state", state="fault")
+    await expect(page.locator("li[data-starter=mill] .state")).to_have_text("fault", timeout=1000.0)
+    await expect(page.locator("li[data-starter]").first).to_have_attribute("data-starter", "mill")
+    await expect(page.locator(".counter.fault .count")).to_have_text("1")
+    await page.locator(".counter.fault").click()
+    await expect(page.locator("li[data-starter]")).to_have_count(1)
+    await page.locator(".counter.fault").click()
+    await page.fill("input[type=search]", "fan")
+    await expect(page.locator("li[data-starter]")).to_have_count(1)
 
 
 async def test_a_start_is_selected_and_held_and_a_stop_is_one_click(pump: PumpPage) -> None:
@@ -101,70 +96,64 @@ async def test_when_the_gateway_stands_still_the_page_says_so_and_stop_still_tri
     await expect(page.locator(".toast").last).to_contain_text("confirmed")
 
 
-async def test_the_keyboard_alone_is_enough(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(plant.url)
-        await page.locator("li[data-starter=pump] a").focus()
-        await page.keyboard.press("Enter")
-        await page.locator("#account").focus()
-        await page.keyboard.press("Enter")
-        await page.keyboard.type("anna")
-        await page.keyboard.press("Tab")
-        await page.keyboard.type("correct horse")
-        await page.keyboard.press("Enter")
-        await page.locator("button[data-action^='start ']:enabled").focus()
-        await page.keyboard.press("Enter")
-        await expect(page.locator("button.hold")).to_be_focused()
+async def test_the_keyboard_alone_is_enough(site: Site) -> None:
+    plant, chromium = site
+    page = await chromium.open(plant.url)
+    await page.locator("li[data-starter=pump] a").focus()
+    await page.keyboard.press("Enter")
+    await page.locator("#account").focus()
+    await page.keyboard.press("Enter")
+    await page.keyboard.type("anna")
+    await page.keyboard.press("Tab")
+    await page.keyboard.type("correct horse")
+    await page.keyboard.press("Enter")
+    await page.locator("button[data-action^='start ']:enabled").focus()
+    await page.keyboard.press("Enter")
+    await expect(page.locator("button.hold")).to_be_focused()
 
-        await page.keyboard.down(" ")
-        await page.locator(".hold-box").wait_for(state="hidden")
-        await page.keyboard.up(" ")
-        await plant.scada.result("pump", verb="start", phase="confirmed")
-        await page.locator("button.stop").focus()
-        await page.keyboard.press("Enter")
-        await plant.scada.result("pump", verb="stop", phase="confirmed")
-
-
-async def test_foreign_words_are_shown_as_text_and_run_nothing(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/starter/%3Cscript%3E")
-        await expect(page.locator("main h1")).to_have_text("<script>")
-        await expect(page.locator("main")).to_contain_text("no starter <script>")
-
-        token = await plant.scada.token()
-        evil = "<img src=x onerror=window.evil=1>"
-        lock = {"id": "l", "token": token, "reason": evil, "operator": evil}
-        plant.scada.say("command/pump/alice/lock", lock)
-        await plant.scada.result("pump", id="l", phase="confirmed")
-        await page.goto(f"{plant.url}#/events")
-        await page.reload()
-        await expect(page.locator("main")).to_contain_text("lock")
-        await page.goto(f"{plant.url}#/starter/pump")
-        await expect(page.locator(".trouble").first).to_contain_text("locked by alice")
-
-        assert await page.evaluate("window.evil") is None
-        assert await page.locator("main img, main script").count() == 0
+    await page.keyboard.down(" ")
+    await page.locator(".hold-box").wait_for(state="hidden")
+    await page.keyboard.up(" ")
+    await plant.scada.result("pump", verb="start", phase="confirmed")
+    await page.locator("button.stop").focus()
+    await page.keyboard.press("Enter")
+    await plant.scada.result("pump", verb="stop", phase="confirmed")
 
 
-async def test_the_pages_of_lines_events_and_the_gateway_show_what_is_published(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    async with page_plant(start_mosquitto(), tmp_path) as plant, browser() as chromium:
-        page = await chromium.open(f"{plant.url}#/lines")
-        await expect(page.get_by_role("table", name="Starters on hall")).to_contain_text(
-            "pump", timeout=45_000.0
-        )
-        await expect(page.get_by_role("table", name="Promised and measured")).to_contain_text("a stop waits")
-        await page.get_by_role("link", name="Events").click()
-        plant.scada.set_knob("belt", "power", "off")
-        await expect(page.locator("main")).to_contain_text("belt", timeout=30_000.0)
-        await page.get_by_role("link", name="Gateway").click()
-        await expect(page.get_by_role("table", name="This gateway")).to_contain_text("not a safety function")
-        await logged_in(page)
-        await page.get_by_role("button", name="Run check").click()
-        await expect(page.locator("pre").first).to_contain_text("exit code 0", timeout=60_000.0)
+async def test_foreign_words_are_shown_as_text_and_run_nothing(site: Site) -> None:
+    plant, chromium = site
+    page = await chromium.open(f"{plant.url}#/starter/%3Cscript%3E")
+    await expect(page.locator("main h1")).to_have_text("<script>")
+    await expect(page.locator("main")).to_contain_text("no starter <script>")
+
+    token = await plant.scada.token()
+    evil = "<img src=x onerror=window.evil=1>"
+    lock = {"id": "l", "token": token, "reason": evil, "operator": evil}
+    plant.scada.say("command/pump/alice/lock", lock)
+    await plant.scada.result("pump", id="l", phase="confirmed")
+    await page.goto(f"{plant.url}#/events")
+    await page.reload()
+    await expect(page.locator("main")).to_contain_text("lock")
+    await page.goto(f"{plant.url}#/starter/pump")
+    await expect(page.locator(".trouble").first).to_contain_text("locked by alice")
+
+    assert await page.evaluate("window.evil") is None
+    assert await page.locator("main img, main script").count() == 0
+
+
+async def test_the_pages_of_lines_events_and_the_gateway_show_what_is_published(site: Site) -> None:
+    plant, chromium = site
+    page = await chromium.open(f"{plant.url}#/lines")
+    await expect(page.get_by_role("table", name="Starters on hall")).to_contain_text("pump", timeout=45_000.0)
+    await expect(page.get_by_role("table", name="Promised and measured")).to_contain_text("a stop waits")
+    await page.get_by_role("link", name="Events").click()
+    plant.scada.set_knob("belt", "power", "off")
+    await expect(page.locator("main")).to_contain_text("belt", timeout=30_000.0)
+    await page.get_by_role("link", name="Gateway").click()
+    await expect(page.get_by_role("table", name="This gateway")).to_contain_text("not a safety function")
+    await logged_in(page)
+    await page.get_by_role("button", name="Run check").click()
+    await expect(page.locator("pre").first).to_contain_text("exit code 0", timeout=60_000.0)
 
 
 async def test_parameters_are_read_and_set_with_the_old_value_beside(pump: PumpPage) -> None:

@@ -7,7 +7,7 @@ from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
 
 from gateway.plugins.web.server import Server
-from tests.mosquitto import Certificate
+from tests.mosquitto import Certificate, free_port
 from tests.web.support import PageRig, web_settings
 
 
@@ -18,12 +18,12 @@ async def served(
     """Serve it, with TLS where there is a certificate."""
     rig = rig or PageRig()
     files = {"cert_file": str(certificate.cert), "key_file": str(certificate.key)} if certificate else {}
-    server = Server(rig.page, web_settings(port=0, **files))
+    port = free_port()
+    server = Server(rig.page, web_settings(port=port, **files))
     task = asyncio.create_task(server.run())
     await server.is_open.wait()
-    assert server.address is not None
     try:
-        yield rig, server, server.address[1]
+        yield rig, server, port
     finally:
         task.cancel()
         await asyncio.gather(task, return_exceptions=True)

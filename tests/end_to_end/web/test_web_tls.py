@@ -18,7 +18,7 @@ from gateway.plugins.web.server import Server
 from gateway.system.clock import SystemClock
 from gateway.system.password_hash import password_line
 from tests.end_to_end.web.raw_client import RawAnswer, read_answer, request
-from tests.mosquitto import Certificate
+from tests.mosquitto import Certificate, free_port
 from tests.waiting import until
 from tests.web.support import FakeGateway, web_settings
 
@@ -38,8 +38,7 @@ class TlsPage:
 
     @property
     def port(self) -> int:
-        assert self.servers[-1].address is not None
-        return self.servers[-1].address[1]
+        return self.settings.port
 
     async def connect(self) -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
         """Connect as a browser that trusts the certificate in the folder, and no other."""
@@ -71,7 +70,7 @@ async def tls_page(folder: Path) -> AsyncIterator[TlsPage]:
     """Serve a page with a certificate of its own."""
     made = Certificate.make(folder)
     settings = web_settings(
-        port=0,
+        port=free_port(),
         cert_file=str(made.cert),
         key_file=str(made.key),
         users={"anna": WebUser("anna", "alice", password_line(PASSWORD))},
@@ -86,7 +85,7 @@ async def tls_page(folder: Path) -> AsyncIterator[TlsPage]:
     page = Page(cast("Any", gateway), settings)
     task = asyncio.create_task(page.run())
     try:
-        await until(lambda: bool(servers and servers[-1].address) or task.done())
+        await until(lambda: bool(servers and servers[-1].is_open.is_set()) or task.done())
         yield TlsPage(page, settings, folder, gateway, servers)
     finally:
         task.cancel()

@@ -25,6 +25,9 @@ _numbers = itertools.count()
 
 # The page
 
+POLICY = "content-security-policy"
+ALWAYS = {"x-frame-options": "DENY", "x-content-type-options": "nosniff", "referrer-policy": "no-referrer"}
+
 
 def answer(
     path: str,
@@ -34,7 +37,10 @@ def answer(
     headers: Mapping[str, str] | None = None,
     **fields: Any,
 ) -> Expectation:
-    """The page answers with this status, and with JSON that has these fields; with `post` to a POST."""
+    """The page answers with this status, and with JSON that has these fields; with `post` to a POST.
+
+    Whatever it answers forbids frames, foreign scripts and guessing of types.
+    """
 
     def check(plant: RigPlant) -> str:
         found = (
@@ -42,6 +48,8 @@ def answer(
         )
         if found.status != status:
             return f"{path} answers {found.status}: {found.text[:400]}"
+        if not found.headers.items() >= ALWAYS.items() or "default-src 'none'" not in found.headers[POLICY]:
+            return f"{path} forbids too little: {found.headers}"
         wrong = _unlike(found.json, fields) if fields else ""
         return f"{path}: {wrong}: {found.text[:600]}" if wrong else ""
 

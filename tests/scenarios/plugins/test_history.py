@@ -102,23 +102,7 @@ STARTS = [
         for name in ("pump", "fan", "mill", "belt")
     ),
     row(
-        "an SSW900's own maximum, mean and time of the start stand beside ours",
-        given=SSW900 + ALICE,
-        sim={"mill": SLOW},
-        at={3.0: command("mill/alice/start")},
-        then={
-            18.0: msg(
-                "starter/mill/start",
-                own={
-                    "D4.1.1": {"value": pytest.approx(298.0, rel=0.03), "unit": "A", "name": ...},
-                    "D4.1.2": {"value": pytest.approx(275.0, rel=0.1), "unit": "A", "name": ...},
-                    "D4.2.2": {"value": pytest.approx(5.0, abs=1.0), "unit": "s", "name": ...},
-                },
-            ),
-        },
-    ),
-    row(
-        "a start's samples reach from before it to after full voltage",
+        "an SSW900's own maximum, mean and time of the start stand beside ours, and the start's samples",
         given=SSW900 + ALICE,
         sim={"mill": SLOW},
         at={3.0: command("mill/alice/start")},
@@ -129,8 +113,13 @@ STARTS = [
                     "starter/mill/start",
                     standstill_s=pytest.approx(3, abs=1),
                     rate_hz=pytest.approx(4, abs=1.2),
+                    own={
+                        "D4.1.1": {"value": pytest.approx(298.0, rel=0.03), "unit": "A", "name": ...},
+                        "D4.1.2": {"value": pytest.approx(275.0, rel=0.1), "unit": "A", "name": ...},
+                        "D4.2.2": {"value": pytest.approx(5.0, abs=1.0), "unit": "s", "name": ...},
+                    },
                 ),
-            ]
+            ],
         },
     ),
     row(
@@ -357,7 +346,6 @@ TRIPS = [
     row(
         "of a fault that was there at first it is not known what came before",
         given=SSW07,
-        before=lambda plant: None,
         sim={"pump": QUICK},
         at={2.0: "end", 3.0: "pump trip E05", 4.0: "start"},
         then={24.0: msg("starter/pump/trip", code="e05", state_before=None)},

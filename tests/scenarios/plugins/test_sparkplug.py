@@ -415,7 +415,7 @@ REBIRTH = [
         "many rebirths at once are two",
         given=NODE,
         at={8.0: [write({"Node Control/Rebirth": True}, device="")] * 5},
-        then={9.0: bd_seqs("NBIRTH", 0, 0), 20.0: bd_seqs("NBIRTH", 0, 0, 0)},
+        then={12.9: bd_seqs("NBIRTH", 0, 0), 14.0: bd_seqs("NBIRTH", 0, 0, 0)},
     ),
     *(
         row(
