@@ -15,7 +15,7 @@ from typing import Annotated, TypeVar
 
 from pydantic import Field, TypeAdapter
 
-from gateway.contract import CommandError, EventCode, Note, Reason, ResultCode, phrase
+from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.families import Procedure, Profile, diagnosis, once_per_profile
 from gateway.line import LineClient, Poll, capacity
 from gateway.starters.setup import StarterSetup, polls_of
@@ -174,29 +174,32 @@ def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
     return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
+def _polls(setups: Iterable[StarterSetup]) -> list[Poll]:
+    return [poll for setup in setups for poll in polls_of(setup)]
+
+
 def _gap_s(setup: StarterSetup, on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> float | None:
     if setup.timing is None:
         return None
-    polls = capacity.with_deadlines([poll for each in on_line for poll in polls_of(each)], limits_s)
-    whole = capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s)
-    return whole.gaps_s.get(setup.address)
+    polls = capacity.with_deadlines(_polls(on_line), limits_s)
+    return capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s).gaps_s.get(setup.address)
 
 
-def _missed_on(setups: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:
-    if not setups or setups[0].timing is None:
+def _missed_on(on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:
+    timing, names = on_line[0].timing if on_line else None, {each.address: each.name for each in on_line}
+    if timing is None:
         return {}
-    polls = [poll for setup in setups for poll in polls_of(setup)]
-    names = {setup.address: setup.name for setup in setups}
-    missed = capacity.missed_deadlines(
-        polls, setups[0].timing, allowance_s=setups[0].allowance_s, limits_s=limits_s
-    )
-    return {names[each.unit]: _why(each) for each in missed}
+    allowance_s = on_line[0].allowance_s
+    missed = capacity.missed_deadlines(_polls(on_line), timing, allowance_s=allowance_s, limits_s=limits_s)
+    return {names[each.unit]: _unkept(each, names[each.unit]).text for each in missed}
 
 
-def _why(missed: capacity.Missed) -> str:
+def _unkept(missed: capacity.Missed, starter: str) -> Reason:
+    """Return why a watchdog would act."""
+    limit_s = missed.limit_s
     if isinf(missed.gap_s):
-        return phrase(EventCode.DEGRADED, "watchdog_overload", limit_s=missed.limit_s, load=missed.load)
-    return phrase(EventCode.DEGRADED, "watchdog_missed", limit_s=missed.limit_s, gap_s=missed.gap_s)
+        return Reason(ResultCode.WATCHDOG_UNKEPT, "load", starter=starter, limit_s=limit_s, load=missed.load)
+    return Reason(ResultCode.WATCHDOG_UNKEPT, "gap", starter=starter, limit_s=limit_s, gap_s=missed.gap_s)
 
 
 def _refusal(
@@ -207,23 +210,18 @@ def _refusal(
     after_s: capacity.Limits,
 ) -> CommandError | None:
     """Return why a line cannot keep a starter's new watchdog, and the shortest it can; None when it can."""
-    if setup.timing is None:
+    polls, timing, names = _polls(on_line), setup.timing, {each.address: each.name for each in on_line}
+    if timing is None:
         return None
-    polls = [poll for each in on_line for poll in polls_of(each)]
-    timing, allowance_s = setup.timing, setup.allowance_s
-    missed = capacity.newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
+    judged = partial(capacity.newly_missed, polls, timing, allowance_s=setup.allowance_s, before_s=before_s)
+    missed = judged(after_s=after_s)
     if not missed:
         return None
     first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
-    name = next(each.name for each in on_line if each.address == first.unit)
-    limit_s = first.limit_s
-    if isinf(first.gap_s):
-        reason = Reason(ResultCode.WATCHDOG_UNKEPT, "load", starter=name, limit_s=limit_s, load=first.load)
-    else:
-        reason = Reason(ResultCode.WATCHDOG_UNKEPT, "gap", starter=name, limit_s=limit_s, gap_s=first.gap_s)
-    shortest_s = capacity.shortest_limit_s(
-        polls, timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
+    shortest_s = capacity.least_whole(
+        lambda limit_s: not judged(after_s={**before_s, setup.address: limit_s})
     )
-    if shortest_s is None:
-        return CommandError(reason.noted(Note("watchdog_off", starter=setup.name)))
-    return CommandError(reason.noted(Note("watchdog_shortest", starter=setup.name, shortest_s=shortest_s)))
+    note = Note("watchdog_off", starter=setup.name)
+    if shortest_s is not None:
+        note = Note("watchdog_shortest", starter=setup.name, shortest_s=shortest_s)
+    return CommandError(_unkept(first, names[first.unit]).noted(note))
