@@ -204,14 +204,7 @@ VALUES = [
         "a site's own row is a point under the name that the site gives it",
         given=PUMP_ROW,
         sim={"pump": {"settings": {102: 12}}},
-        then={
-            15: [
-                point(
-                    "pump/voltage_ramp_time", code="P102", name="Voltage ramp time", unit="s", type="float"
-                ),
-                value("pump/voltage_ramp_time", 12.0, "s"),
-            ]
-        },
+        then={15: point("pump/voltage_ramp_time", code="P102", name="Voltage ramp time", type="float")},
     ),
 ]
 
@@ -237,12 +230,25 @@ def takes_writes(plant: RigPlant) -> None:
     answers("pump", written)(plant)  # type: ignore[operator]
 
 
-def own(
-    name: str, words: str, *then: Expectation, first: Any = (), given: str = WRITABLE, **args: Any
-) -> ScenarioRow:
-    """A command that names a row of the site's own."""
-    at: dict[float, Any] = {0.0: takes_writes, 1.0: first, 5.0: do(words, **args)}
-    return row(name, given=given, sim=HELD, at=at, then={12.0: then})
+@pytest.mark.parametrize(
+    ("rules", "motor", "number", "end", "written"),
+    [
+        ("writable = true", "rests", 30, "confirmed ok", ["06 00 66 00 1e"]),
+        ("writable = true", "rests", 91, "rejected out_of_range", []),
+        ("writable = true", "runs", 30, "rejected motor_running", []),
+        ('writable = true\nwhile = "always"', "runs", 30, "confirmed ok", ["06 00 66 00 1e"]),
+        ("", "rests", 30, "rejected not_writable", []),
+    ],
+)
+def test_a_row_of_the_site_is_set_by_its_rules(
+    rules: str, motor: str, number: int, end: str, written: list[str]
+) -> None:
+    setting = do("pump set", parameter="P102", value=number)
+    at: dict[float, Any] = {0: takes_writes, 1: do("pump start") if motor == "runs" else (), 5: setting}
+    now = value("pump/voltage_ramp_time", 30.0 if written else 12.0, "s")
+    then = {17: [result(f"set {end}"), frames("pump", *written, since=5.0), now]}
+
+    play(row(end, given=f"{PUMP_ROW}{rules}\n{ALICE}", sim=HELD, at=at, then=then).values[0])
 
 
 ROWS = [
@@ -255,56 +261,12 @@ ROWS = [
         at={0: "fan P048 = 123"},
         then={15: value("fan/peak", 123.0, "A")},
     ),
-    own(
+    row(
         "a site's own row is read by its code",
-        "pump read",
-        msg("result/pump/alice", phase="confirmed", value=12.0, unit="s"),
-        parameter="p102",
-    ),
-    own(
-        "it is set, once, and read back; the point follows",
-        "pump set",
-        result("set confirmed ok"),
-        frames("pump", "06 00 66 00 1e"),
-        value("pump/voltage_ramp_time", 30.0, "s"),
-        parameter="P102",
-        value=30,
-    ),
-    own(
-        "not beyond its limits",
-        "pump set",
-        result("set rejected out_of_range"),
-        frames("pump"),
-        parameter="P102",
-        value=91,
-    ),
-    own(
-        "not unless it says so",
-        "pump set",
-        result("set rejected not_writable"),
-        frames("pump"),
-        given=PUMP_ROW + ALICE,
-        parameter="P102",
-        value=30,
-    ),
-    own(
-        "at standstill only",
-        "pump set",
-        result("set rejected motor_running"),
-        frames("pump", since=5.0),
-        first=do("pump start"),
-        parameter="P102",
-        value=30,
-    ),
-    own(
-        "while the motor runs where the row says so",
-        "pump set",
-        result("set confirmed ok"),
-        frames("pump", "06 00 66 00 1e", since=5.0),
-        first=do("pump start"),
-        given=PUMP_ROW + 'writable = true\nwhile = "always"\n' + ALICE,
-        parameter="P102",
-        value=30,
+        given=WRITABLE,
+        sim=HELD,
+        at={5: do("pump read", parameter="p102")},
+        then={12: msg("result/pump/alice", phase="confirmed", value=12.0, unit="s")},
     ),
     row(
         "its change at the keypad is an event",
