@@ -51,7 +51,7 @@ from gateway.starters.state import (
 
 logger = logging.getLogger(__name__)
 
-REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
+REFUSED_TOPIC, IDENTITY_TOPIC = "refused", "identity"  # why it cannot be read whole
 
 
 class StarterService:
@@ -212,10 +212,6 @@ class StarterTelemetry:
         block = self._polling.block(key)
         if block is None or self._publisher.is_closed:
             return
-        if self.availability.is_online:
-            poor = self._polling.losses.note(is_lost=isinstance(outcome, (Silent, Garbled)))
-            if poor is not None:
-                self.availability.set_trouble(LOSS_TOPIC, poor)
         match outcome:
             case Answered():
                 self._take_answer(key, block, outcome)

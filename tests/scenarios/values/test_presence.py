@@ -163,17 +163,6 @@ REFUSALS = [
         for name, register, code in (("pump", 5001, 2), ("fan", 5001, 1), ("mill", 680, 3), ("belt", 19, 2))
     ),
     row(
-        "a starter of whose replies every tenth is lost is degraded, and says why",
-        given=SSW07,
-        at={3: answers("pump", _every(10))},
-        then={
-            300: [
-                msg(PUMP + "availability", state="degraded", reason=re.compile("had no valid reply")),
-                never(PUMP + "availability", since=5, state="offline"),
-            ]
-        },
-    ),
-    row(
         "a refusal now and then costs no poll and no value",
         given=SSW07,
         at={3: answers("pump", _every(20, b"\x83\x02"), for_s=200)},
