@@ -41,6 +41,7 @@ class KnownRows:
     rows: dict[str, tuple[Word, ...]] = field(default_factory=dict)
 
 
+_NOBODY = (None, None)
 KNOWN_ROWS = TypeAdapter(dict[str, KnownRows])  # by starter
 
 
@@ -52,8 +53,7 @@ class KnownWatchdogs:
 
     def __init__(self, documents: Documents | None = None, *, in_thread: InThread = _at_once) -> None:
         self._in_thread = in_thread
-        self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
-        self._lines: dict[str, LineClient | None] = {}  # by starter
+        self._starters: dict[str, tuple[StarterSetup, LineClient | None]] = {}  # in their lines' order
         self._document = (documents or Documents()).open(
             WATCHDOGS, KNOWN_ROWS, lambda: self._known, delay_s=SAVED_TOGETHER_S
         )
@@ -61,12 +61,11 @@ class KnownWatchdogs:
 
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
-        self._setups[setup.name], self._lines[setup.name] = setup, line
+        self._starters[setup.name] = setup, line
 
     def remove(self, name: str) -> None:
         """Know nothing more of a starter than what is stored of it."""
-        self._setups.pop(name, None)
-        self._lines.pop(name, None)
+        self._starters.pop(name, None)
 
     def rows(self, name: str) -> Rows:
         """Return the settings as last known, in this run or an earlier one."""
@@ -87,27 +86,27 @@ class KnownWatchdogs:
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
-        if name in self._setups:
-            found = _watchdog_rows(self._setups[name].profile, rows)
-            if found:
-                self._take(name, {**self.rows(name), **found})
+        setup, _ = self._starters.get(name, _NOBODY)
+        if setup is not None and not setting_codes(setup.profile).isdisjoint(rows):
+            self._take(name, {**self.rows(name), **_watchdog_rows(setup.profile, rows)})
 
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.
 
         CommandError, with both times, when it cannot.
         """
-        if name not in self._setups:
+        setup, _ = self._starters.get(name, _NOBODY)
+        if setup is None:
             return
-        setup, before = self._setups[name], self.rows(name)
-        requests, before_s = (step.request for step in procedure.steps), self._limits_s(setup.line)
+        before = self.rows(name)
+        requests, before_s = (step.request for step in procedure.steps), self._limits_s(setup)
         written = _watchdog_rows(setup.profile, diagnosis.written_rows(setup.profile, requests))
         limit_s, earlier_s = _limit_s(setup, {**before, **written}), before_s.get(setup.address)
         if not limit_s or (earlier_s and limit_s >= earlier_s):
             return  # the line keeps a longer one, too, until that is read
         self._take(name, {**before, **written})  # before it is judged: another `set` on this line must see it
-        on_line = [each for each in self._setups.values() if each.line == setup.line]
-        after_s = self._limits_s(setup.line)
+        on_line = self._on_line(setup)
+        after_s = self._limits_s(setup)
         judge, is_kept = partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s), False
         try:
             error = await self._in_thread(judge)
@@ -120,10 +119,8 @@ class KnownWatchdogs:
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
-        on_line = [each for each in self._setups.values() if each.line == setup.line and each.is_enabled]
-        gap_s: float | None = await self._in_thread(
-            partial(_gap_s, setup, on_line, self._limits_s(setup.line))
-        )
+        on_line = [each for each in self._on_line(setup) if each.is_enabled]
+        gap_s: float | None = await self._in_thread(partial(_gap_s, setup, on_line, self._limits_s(setup)))
         return gap_s
 
     async def missed_on(self, setups: Iterable[StarterSetup]) -> dict[str, str]:
@@ -139,13 +136,15 @@ class KnownWatchdogs:
             return
         self._known[name] = KnownRows(dict(rows))
         self._document.touch()
-        setup, line = self._setups.get(name), self._lines.get(name)
+        setup, line = self._starters.get(name, _NOBODY)
         if setup is not None and line is not None and setup.is_enabled:
             line.set_deadline(setup.address, self.limit_s(setup))
 
-    def _limits_s(self, line: str) -> dict[int, float | None]:
-        on_line = (setup for setup in self._setups.values() if setup.line == line and setup.is_enabled)
-        return {setup.address: self.limit_s(setup) for setup in on_line}
+    def _on_line(self, setup: StarterSetup) -> list[StarterSetup]:
+        return [each for each, _ in self._starters.values() if each.line == setup.line]
+
+    def _limits_s(self, setup: StarterSetup) -> dict[int, float | None]:
+        return {each.address: self.limit_s(each) for each in self._on_line(setup) if each.is_enabled}
 
 
 @once_per_profile
