@@ -41,7 +41,7 @@ class KnownRows:
     rows: dict[str, tuple[Word, ...]] = field(default_factory=dict)
 
 
-_NOBODY = (None, None)
+_UNKNOWN = (None, None)
 KNOWN_ROWS = TypeAdapter(dict[str, KnownRows])  # by starter
 
 
@@ -86,7 +86,7 @@ class KnownWatchdogs:
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
-        setup, _ = self._starters.get(name, _NOBODY)
+        setup, _ = self._starters.get(name, _UNKNOWN)
         if setup is not None and not setting_codes(setup.profile).isdisjoint(rows):
             self._take(name, {**self.rows(name), **_watchdog_rows(setup.profile, rows)})
 
@@ -95,7 +95,7 @@ class KnownWatchdogs:
 
         CommandError, with both times, when it cannot.
         """
-        setup, _ = self._starters.get(name, _NOBODY)
+        setup, _ = self._starters.get(name, _UNKNOWN)
         if setup is None:
             return
         before = self.rows(name)
@@ -107,12 +107,12 @@ class KnownWatchdogs:
         self._take(name, {**before, **written})  # before it is judged: another `set` on this line must see it
         on_line = self._on_line(setup)
         after_s = self._limits_s(setup)
-        judge, is_kept = partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s), False
+        judge, is_admitted = partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s), False
         try:
             error = await self._in_thread(judge)
-            is_kept = error is None
+            is_admitted = error is None
         finally:  # the command may be halted meanwhile
-            if not is_kept:
+            if not is_admitted:
                 self._take(name, before)
         if error is not None:
             raise error
@@ -136,7 +136,7 @@ class KnownWatchdogs:
             return
         self._known[name] = KnownRows(dict(rows))
         self._document.touch()
-        setup, line = self._starters.get(name, _NOBODY)
+        setup, line = self._starters.get(name, _UNKNOWN)
         if setup is not None and line is not None and setup.is_enabled:
             line.set_deadline(setup.address, self.limit_s(setup))
 

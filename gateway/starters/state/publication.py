@@ -1,9 +1,10 @@
 """When something is published of a starter: a function of what was published before and of what is so now.
 
 1. The state goes out at once when it says something else, at the latest after `STATE_EVERY_S`.
-2. A value goes out when it differs from the one sent last by more than its deadband, or in its quality, at
-   the soonest `SOONEST_S` after that one. The newest is sent.
-3. All values go out again `refresh_s` after they did so last, but for one sent less than `SOONEST_S` before.
+2. A value goes out when it differs from the one sent last by more than its deadband, or in its quality; at
+   the soonest `SOONEST_S` after that one and at the latest `refresh_s` after it. The newest is sent.
+3. To wake up for each value on its own would cost more than to send it: once one must be sent again, those
+   that would follow within a tenth of the time go with it.
 """
 
 from __future__ import annotations
@@ -19,6 +20,7 @@ TICK_S = 0.25  # timers run out so much late at most
 STATE_EVERY_S = 30.0 - TICK_S
 SOONEST_S = 0.25
 REFRESH_S = 300.0  # `mqtt.refresh_s` where nothing else is configured
+TOGETHER = 0.1
 
 Deadbands = Mapping[str, float]  # by point, in its unit; a missing one is 0
 
@@ -40,7 +42,7 @@ class Published(NamedTuple):
     sent: Mapping[str, Sent] = {}
     waiting: tuple[str, ...] = ()  # values that say something else, too soon after the last ones
     soonest_s: float = inf  # when the first of these may be sent
-    refresh_at_s: float = -inf  # when all values are sent again
+    refresh_at_s: float = -inf  # no value must be sent again before
 
     @property
     def next_due_s(self) -> float:
@@ -60,12 +62,17 @@ def due_values(
 
     While nothing is new and nothing is due this costs nothing.
     """
+    latest_s = max(refresh_s - TICK_S, SOONEST_S)  # the timer may run out a tick late
+    if now_s >= before.refresh_at_s:
+        oldest_s = min((last.at_s for last in before.sent.values()), default=inf)
+        before = before._replace(refresh_at_s=oldest_s + latest_s)
     is_refreshed = now_s >= before.refresh_at_s
     points, known = state.points, before.points
     if points is known and now_s < before.soonest_s and not is_refreshed:
         return before, {}
+    old_s = now_s - latest_s * (1 - TOGETHER) if is_refreshed else -inf
     names: Iterable[str] = points
-    if not is_refreshed:
+    if before.sent and not is_refreshed:
         changed = [name for name, reading in points.items() if reading is not known.get(name)]
         names = dict.fromkeys((*before.waiting, *changed))
     values: dict[str, Reading] = {}
@@ -73,18 +80,20 @@ def due_values(
     sent, soonest_s = dict(before.sent), inf
     for name in names:
         reading, last = points[name], sent.get(name)
-        if last is None or now_s >= last.at_s + SOONEST_S:
-            if last is None or is_refreshed or is_news(last.reading, reading, deadbands.get(name, 0.0)):
-                values[name], sent[name] = reading, Sent(reading, now_s)
-        elif is_news(last.reading, reading, deadbands.get(name, 0.0)):
-            waiting.append(name)
-            soonest_s = min(soonest_s, last.at_s + SOONEST_S)
+        is_due = last is None or last.at_s <= old_s
+        if last is not None and not is_due and is_news(last.reading, reading, deadbands.get(name, 0.0)):
+            is_due = now_s >= last.at_s + SOONEST_S
+            if not is_due:
+                waiting.append(name)
+                soonest_s = min(soonest_s, last.at_s + SOONEST_S)
+        if is_due:
+            values[name], sent[name] = reading, Sent(reading, now_s)
     after = before._replace(
         points=points,
         sent=sent if values else before.sent,
         waiting=tuple(waiting),
         soonest_s=soonest_s,
-        refresh_at_s=now_s + max(refresh_s - TICK_S, SOONEST_S) if is_refreshed else before.refresh_at_s,
+        refresh_at_s=min(before.refresh_at_s, now_s + latest_s) if values else before.refresh_at_s,
     )
     return after, values
 
