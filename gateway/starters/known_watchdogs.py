@@ -87,8 +87,9 @@ class KnownWatchdogs:
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
         setup, _ = self._starters.get(name, _UNKNOWN)
-        if setup is not None and not setting_codes(setup.profile).isdisjoint(rows):
-            self._take(name, {**self.rows(name), **_watchdog_rows(setup.profile, rows)})
+        found = {} if setup is None else _watchdog_rows(setup.profile, rows)
+        if found:
+            self._take(name, {**self.rows(name), **found})
 
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.

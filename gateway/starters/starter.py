@@ -21,7 +21,7 @@ from gateway.modbus import Request, exception_name
 from gateway.starters.bulk_read import BulkReading, read_in_bulk
 from gateway.starters.description import info_of
 from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
-from gateway.starters.known_watchdogs import KnownWatchdogs
+from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes
 from gateway.starters.polling import Polling
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.state import (
@@ -251,7 +251,8 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self.identity_standing is not IdentityStatus.MISMATCHED:
+        is_other = self.identity_standing is IdentityStatus.MISMATCHED
+        if not is_other and not setting_codes(self.profile).isdisjoint(rows):
             self.watchdogs.note(self.setup.name, rows)
 
     def _known_rows(self, at_s: float) -> Rows:
