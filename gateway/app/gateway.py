@@ -170,7 +170,7 @@ async def newly_missed(watchdogs: KnownWatchdogs, old: Config, new: Config) -> l
     before = await missed(old)
     hint = "leave the line as it was, or make the watchdog longer at the starter"
     return [
-        Problem("line.starter", f"{name}: {text} (as read from the starter)", hint)
+        Problem("line.starter", f"{text} (as read from the starter)", hint)
         for name, text in (await missed(new)).items()
         if name not in before
     ]

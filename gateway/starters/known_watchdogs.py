@@ -15,7 +15,7 @@ from typing import Annotated, TypeVar
 
 from pydantic import Field, TypeAdapter
 
-from gateway.contract import CommandError, EventCode, Note, Reason, ResultCode, phrase
+from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.families import Procedure, Profile, diagnosis, once_per_profile
 from gateway.line import LineClient, Poll, capacity
 from gateway.starters.setup import StarterSetup, polls_of
@@ -41,6 +41,7 @@ class KnownRows:
     rows: dict[str, tuple[Word, ...]] = field(default_factory=dict)
 
 
+_UNKNOWN = (None, None)
 KNOWN_ROWS = TypeAdapter(dict[str, KnownRows])  # by starter
 
 
@@ -52,8 +53,7 @@ class KnownWatchdogs:
 
     def __init__(self, documents: Documents | None = None, *, in_thread: InThread = _at_once) -> None:
         self._in_thread = in_thread
-        self._setups: dict[str, StarterSetup] = {}  # of those configured at present, in their lines' order
-        self._lines: dict[str, LineClient | None] = {}  # by starter
+        self._starters: dict[str, tuple[StarterSetup, LineClient | None]] = {}  # in their lines' order
         self._document = (documents or Documents()).open(
             WATCHDOGS, KNOWN_ROWS, lambda: self._known, delay_s=SAVED_TOGETHER_S
         )
@@ -61,12 +61,11 @@ class KnownWatchdogs:
 
     def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
         """Keep the watchdog of a starter on its line from now on."""
-        self._setups[setup.name], self._lines[setup.name] = setup, line
+        self._starters[setup.name] = setup, line
 
     def remove(self, name: str) -> None:
         """Know nothing more of a starter than what is stored of it."""
-        self._setups.pop(name, None)
-        self._lines.pop(name, None)
+        self._starters.pop(name, None)
 
     def rows(self, name: str) -> Rows:
         """Return the settings as last known, in this run or an earlier one."""
@@ -87,43 +86,42 @@ class KnownWatchdogs:
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
-        if name in self._setups:
-            found = _watchdog_rows(self._setups[name].profile, rows)
-            if found:
-                self._take(name, {**self.rows(name), **found})
+        setup, _ = self._starters.get(name, _UNKNOWN)
+        found = {} if setup is None else _watchdog_rows(setup.profile, rows)
+        if found:
+            self._take(name, {**self.rows(name), **found})
 
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.
 
         CommandError, with both times, when it cannot.
         """
-        if name not in self._setups:
+        setup, _ = self._starters.get(name, _UNKNOWN)
+        if setup is None:
             return
-        setup, before = self._setups[name], self.rows(name)
-        requests, before_s = (step.request for step in procedure.steps), self._limits_s(setup.line)
+        before = self.rows(name)
+        requests, before_s = (step.request for step in procedure.steps), self._limits_s(setup)
         written = _watchdog_rows(setup.profile, diagnosis.written_rows(setup.profile, requests))
         limit_s, earlier_s = _limit_s(setup, {**before, **written}), before_s.get(setup.address)
         if not limit_s or (earlier_s and limit_s >= earlier_s):
             return  # the line keeps a longer one, too, until that is read
         self._take(name, {**before, **written})  # before it is judged: another `set` on this line must see it
-        on_line = [each for each in self._setups.values() if each.line == setup.line]
-        after_s = self._limits_s(setup.line)
-        judge, is_kept = partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s), False
+        on_line = self._on_line(setup)
+        after_s = self._limits_s(setup)
+        judge, is_admitted = partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s), False
         try:
             error = await self._in_thread(judge)
-            is_kept = error is None
+            is_admitted = error is None
         finally:  # the command may be halted meanwhile
-            if not is_kept:
+            if not is_admitted:
                 self._take(name, before)
         if error is not None:
             raise error
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
-        on_line = [each for each in self._setups.values() if each.line == setup.line and each.is_enabled]
-        gap_s: float | None = await self._in_thread(
-            partial(_gap_s, setup, on_line, self._limits_s(setup.line))
-        )
+        on_line = [each for each in self._on_line(setup) if each.is_enabled]
+        gap_s: float | None = await self._in_thread(partial(_gap_s, setup, on_line, self._limits_s(setup)))
         return gap_s
 
     async def missed_on(self, setups: Iterable[StarterSetup]) -> dict[str, str]:
@@ -139,13 +137,15 @@ class KnownWatchdogs:
             return
         self._known[name] = KnownRows(dict(rows))
         self._document.touch()
-        setup, line = self._setups.get(name), self._lines.get(name)
+        setup, line = self._starters.get(name, _UNKNOWN)
         if setup is not None and line is not None and setup.is_enabled:
             line.set_deadline(setup.address, self.limit_s(setup))
 
-    def _limits_s(self, line: str) -> dict[int, float | None]:
-        on_line = (setup for setup in self._setups.values() if setup.line == line and setup.is_enabled)
-        return {setup.address: self.limit_s(setup) for setup in on_line}
+    def _on_line(self, setup: StarterSetup) -> list[StarterSetup]:
+        return [each for each, _ in self._starters.values() if each.line == setup.line]
+
+    def _limits_s(self, setup: StarterSetup) -> dict[int, float | None]:
+        return {each.address: self.limit_s(each) for each in self._on_line(setup) if each.is_enabled}
 
 
 @once_per_profile
@@ -174,29 +174,32 @@ def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
     return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
+def _polls(setups: Iterable[StarterSetup]) -> list[Poll]:
+    return [poll for setup in setups for poll in polls_of(setup)]
+
+
 def _gap_s(setup: StarterSetup, on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> float | None:
     if setup.timing is None:
         return None
-    polls = capacity.with_deadlines([poll for each in on_line for poll in polls_of(each)], limits_s)
-    whole = capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s)
-    return whole.gaps_s.get(setup.address)
+    polls = capacity.with_deadlines(_polls(on_line), limits_s)
+    return capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s).gaps_s.get(setup.address)
 
 
-def _missed_on(setups: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:
-    if not setups or setups[0].timing is None:
+def _missed_on(on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:
+    timing, names = on_line[0].timing if on_line else None, {each.address: each.name for each in on_line}
+    if timing is None:
         return {}
-    polls = [poll for setup in setups for poll in polls_of(setup)]
-    names = {setup.address: setup.name for setup in setups}
-    missed = capacity.missed_deadlines(
-        polls, setups[0].timing, allowance_s=setups[0].allowance_s, limits_s=limits_s
-    )
-    return {names[each.unit]: _why(each) for each in missed}
+    allowance_s = on_line[0].allowance_s
+    missed = capacity.missed_deadlines(_polls(on_line), timing, allowance_s=allowance_s, limits_s=limits_s)
+    return {names[each.unit]: _unkept(each, names[each.unit]).text for each in missed}
 
 
-def _why(missed: capacity.Missed) -> str:
+def _unkept(missed: capacity.Missed, starter: str) -> Reason:
+    """Return why a watchdog would act."""
+    limit_s = missed.limit_s
     if isinf(missed.gap_s):
-        return phrase(EventCode.DEGRADED, "watchdog_overload", limit_s=missed.limit_s, load=missed.load)
-    return phrase(EventCode.DEGRADED, "watchdog_missed", limit_s=missed.limit_s, gap_s=missed.gap_s)
+        return Reason(ResultCode.WATCHDOG_UNKEPT, "load", starter=starter, limit_s=limit_s, load=missed.load)
+    return Reason(ResultCode.WATCHDOG_UNKEPT, "gap", starter=starter, limit_s=limit_s, gap_s=missed.gap_s)
 
 
 def _refusal(
@@ -207,23 +210,18 @@ def _refusal(
     after_s: capacity.Limits,
 ) -> CommandError | None:
     """Return why a line cannot keep a starter's new watchdog, and the shortest it can; None when it can."""
-    if setup.timing is None:
+    polls, timing, names = _polls(on_line), setup.timing, {each.address: each.name for each in on_line}
+    if timing is None:
         return None
-    polls = [poll for each in on_line for poll in polls_of(each)]
-    timing, allowance_s = setup.timing, setup.allowance_s
-    missed = capacity.newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
+    judged = partial(capacity.newly_missed, polls, timing, allowance_s=setup.allowance_s, before_s=before_s)
+    missed = judged(after_s=after_s)
     if not missed:
         return None
     first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
-    name = next(each.name for each in on_line if each.address == first.unit)
-    limit_s = first.limit_s
-    if isinf(first.gap_s):
-        reason = Reason(ResultCode.WATCHDOG_UNKEPT, "load", starter=name, limit_s=limit_s, load=first.load)
-    else:
-        reason = Reason(ResultCode.WATCHDOG_UNKEPT, "gap", starter=name, limit_s=limit_s, gap_s=first.gap_s)
-    shortest_s = capacity.shortest_limit_s(
-        polls, timing, allowance_s=allowance_s, before_s=before_s, unit=setup.address
+    shortest_s = capacity.least_whole(
+        lambda limit_s: not judged(after_s={**before_s, setup.address: limit_s})
     )
-    if shortest_s is None:
-        return CommandError(reason.noted(Note("watchdog_off", starter=setup.name)))
-    return CommandError(reason.noted(Note("watchdog_shortest", starter=setup.name, shortest_s=shortest_s)))
+    note = Note("watchdog_off", starter=setup.name)
+    if shortest_s is not None:
+        note = Note("watchdog_shortest", starter=setup.name, shortest_s=shortest_s)
+    return CommandError(_unkept(first, names[first.unit]).noted(note))

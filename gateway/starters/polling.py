@@ -1,4 +1,4 @@
-"""Which rows of one starter are asked for again and again, how often, and which are overdue, refused or lost.
+"""Which rows of one starter are asked for again and again, how often, and which are overdue or refused.
 
 1. A block that is refused in `IN_ROW` polls running is asked for row by row, so that its other rows go on. A
    minute later it is asked for as a whole again, unless one of its rows is refused alone.
@@ -7,7 +7,6 @@
    it is answered.
 3. After a silence everything is asked for again.
 4. A value that was not read for `OVERDUE_PERIODS` of its period, as the line stretches it, is stale.
-5. A starter of which `POOR` of the last `OF` polls were lost is degraded: a poor line is not a lost starter.
 """
 
 from __future__ import annotations
@@ -34,10 +33,6 @@ GAP_PERIODS = 2  # between two answers at most, as the line stretches them: a lo
 IN_ROW = 2
 REFUSED_EVERY_S = 5.0
 WHOLE_AFTER_S, AGAIN_AFTER_S = 60.0, 3600.0
-
-OF = 200  # polls are looked at
-POOR, GOOD_AGAIN = 8, 3  # of them lost: from 4 % on it is said, until it is 1.5 % or less
-_ALL = (1 << OF) - 1
 
 
 @dataclass(slots=True)
@@ -87,7 +82,6 @@ class Polling:
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
         self.next_overdue_s = inf  # when to look for overdue blocks, at times a little early
-        self.losses = PollLosses()
         self._vital = vital_codes(setup.profile)
         self._whole_at_s = inf  # when to ask for all blocks as a whole again
 
@@ -154,7 +148,6 @@ class Polling:
         """Record that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
             polled.last_s, polled.gap_s, polled.is_overdue, polled.refusals = None, None, False, 0
-        self.losses.clear()
 
     def set_every(self, every_s: float) -> None:
         """Apply another period for the status and the electrical values."""
@@ -249,31 +242,6 @@ class Polling:
             return min(every_s, FAST_S)
         is_slower = self._state in IDLE_STATES and block.group == reading.VALUES
         return every_s * reading.IDLE_FACTOR if is_slower else every_s
-
-
-class PollLosses:
-    """Counts the lost polls among the latest."""
-
-    def __init__(self) -> None:
-        self._latest = self._count = 0  # a bit for each, 1 for a lost one; the latest is the lowest
-        self._is_poor = False
-
-    def note(self, *, is_lost: bool) -> str | None:
-        """Count a poll; return what is wrong, "" once nothing is any more, None for no news."""
-        self._latest = (self._latest << 1 | is_lost) & _ALL
-        self._count = min(self._count + 1, OF)
-        if not (self._latest or self._is_poor):
-            return None
-        lost, was_poor = self._latest.bit_count(), self._is_poor
-        self._is_poor = lost >= POOR or (was_poor and lost > GOOD_AGAIN)
-        if self._is_poor is was_poor:
-            return None
-        return phrase(EventCode.DEGRADED, "polls_lost", lost=lost, count=self._count) if self._is_poor else ""
-
-    def clear(self) -> None:
-        """Count from the beginning: the starter itself was lost."""
-        self._latest = self._count = 0
-        self._is_poor = False
 
 
 @once_per_profile

@@ -51,7 +51,7 @@ from gateway.starters.state import (
 
 logger = logging.getLogger(__name__)
 
-REFUSED_TOPIC, LOSS_TOPIC, IDENTITY_TOPIC = "refused", "loss", "identity"  # why it cannot be read whole
+REFUSED_TOPIC, IDENTITY_TOPIC = "refused", "identity"  # why it cannot be read whole
 
 
 class StarterService:
@@ -212,10 +212,6 @@ class StarterTelemetry:
         block = self._polling.block(key)
         if block is None or self._publisher.is_closed:
             return
-        if self.availability.is_online:
-            poor = self._polling.losses.note(is_lost=isinstance(outcome, (Silent, Garbled)))
-            if poor is not None:
-                self.availability.set_trouble(LOSS_TOPIC, poor)
         match outcome:
             case Answered():
                 self._take_answer(key, block, outcome)
@@ -255,9 +251,8 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if setting_codes(self.setup.profile).isdisjoint(rows):
-            return
-        if self.identity_standing is not IdentityStatus.MISMATCHED:
+        is_other = self.identity_standing is IdentityStatus.MISMATCHED
+        if not is_other and not setting_codes(self.profile).isdisjoint(rows):
             self.watchdogs.note(self.setup.name, rows)
 
     def _known_rows(self, at_s: float) -> Rows:
@@ -308,13 +303,12 @@ class StarterTelemetry:
         if not self.availability.is_online:
             self._come_online()
         standing, read = self._contact.standing, Moment(at_s, self._clock.utc_s(at_s))
-        if not standing.is_readable:
-            self._look(read=read)
+        if not standing.is_readable or at_s < self.snapshot.state.newest_s:
+            self._look()  # a poll that was answered after a command's reading says more
             return
-        state, doubts = self.snapshot.state, NO_POINTS
-        points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
+        points, doubts = said.points, NO_POINTS
         if said.missing:
-            doubts = bad(state.points, said.missing, standing.contradiction)
+            doubts = bad(self.snapshot.readings, said.missing, standing.contradiction)
         if standing.contradiction:
             points = bad(points, points, standing.contradiction)
         self._look(points, read, doubts=doubts)

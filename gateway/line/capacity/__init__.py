@@ -9,7 +9,6 @@ from gateway.line.capacity.deadline_check import (
     least_whole,
     missed_deadlines,
     newly_missed,
-    shortest_limit_s,
     with_deadlines,
 )
 from gateway.line.capacity.line_forecast import Forecast, Missed, forecast

@@ -54,18 +54,6 @@ def newly_missed(
     return tuple(each for each in missed if each.unit not in known)
 
 
-def shortest_limit_s(
-    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, before_s: Limits, unit: int
-) -> float | None:
-    """Return the shortest watchdog in whole seconds that a unit may be given; None when it is none at all."""
-
-    def is_met(limit_s: float) -> bool:
-        after_s = {**before_s, unit: float(limit_s)}
-        return not newly_missed(polls, timing, allowance_s=allowance_s, before_s=before_s, after_s=after_s)
-
-    return least_whole(is_met)
-
-
 def least_whole(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> float | None:
     """Return the least whole number up to `most` from which on it holds; None when it holds for none."""
     low, high = 0, most

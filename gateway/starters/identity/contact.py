@@ -17,7 +17,7 @@ from contextlib import suppress
 from functools import partial
 from math import inf
 
-from gateway.contract import CommandError, EventCode, RecordWriter, ResultCode
+from gateway.contract import CommandError, RecordWriter, ResultCode
 from gateway.errors import PortLostError
 from gateway.families import Identity, Profile, Question, diagnosis, reading
 from gateway.line import Garbled, LineClient, Outcome, Priority, Silent
@@ -36,6 +36,7 @@ from gateway.starters.identity.standing import (
     silenced,
 )
 from gateway.starters.setup import StarterSetup, ask
+from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
 PAUSES_S = (0.0, 2.0, 4.0)  # before the rounds: two misses in a row would make a unit count as silent
@@ -72,7 +73,7 @@ class Contact:
         self._answers = Answers()
         self._is_naming = False  # FC43 is under way
         self._named_s = -inf  # when it was put last
-        self._announced: tuple[object, ...] = ()  # what the latest event was about, until the starter matches
+        self._announced = ChangeDetector()  # what the latest event was about, until the starter matches
 
     def begin(self, *, is_known: bool) -> None:
         """Ask from the beginning; a watchdog that is known waits until all starters have been asked once."""
@@ -141,35 +142,20 @@ class Contact:
 
     def _judge(self) -> None:
         profile, identity = self._setup.profile, identity_of(self._setup.profile, self._answers)
+        diagnosis.stop_profile(profile, identity)  # loaded now, so that a stop need not wait for it
         is_family = diagnosis.matches(profile, identity)
         mismatch = self._registry.judge(self._setup, identity) if is_family else None
         self.standing = judged(self.standing, self._setup, self._answers, mismatch)
 
     def _announce(self) -> None:
         """Publish what holds the commands, unless the latest event was about the same."""
-        standing, seen = self.standing, self.standing.identity
-        if standing.status in (IdentityStatus.MATCHING, IdentityStatus.CHANGED):  # the registry publishes
-            self._announced = ()
+        event, status, seen = self.standing.event, self.standing.status, self.standing.identity
+        if event is None:
+            self._announced = ChangeDetector()
             return
-        news = (standing.status, seen.slot, seen.family_seen or seen.model)
-        if news == self._announced:
-            return
-        self._announced, profile = news, self._setup.profile
-        publish = partial(self._records.event, self._setup.name)
-        if standing.status is IdentityStatus.UNKNOWN:
-            publish(EventCode.IDENTITY_UNKNOWN, reason=standing.reason)
-        elif standing.status is IdentityStatus.OTHER_SLOT:
-            configured = self._setup.variant.slot
-            publish(EventCode.SLOT_MISMATCH, configured=configured, seen=seen.slot, reason=standing.reason)
-        else:
-            diagnosis.stop_profile(profile, seen)  # loaded now, so that a stop need not wait for it
-            publish(
-                EventCode.IDENTITY_MISMATCH,
-                expected=profile.family,
-                seen=seen.family_seen,
-                model=seen.model,
-                reason=standing.reason,
-            )
+        name = event.text if status is IdentityStatus.CHANGED else seen.family_seen or seen.model
+        if self._announced.is_new((status, seen.slot, name)):
+            self._records.event(self._setup.name, event)
 
 
 async def interview(

@@ -48,7 +48,7 @@ class IdentityRegistry:
         self._on_accepted[starter] = call
 
     def judge(self, setup: StarterSetup, identity: Identity) -> IdentityMismatch | None:
-        """Return in what a device of the configured family differs from the known one, published once.
+        """Return in what a device of the configured family differs from the known one.
 
         One that differs in nothing is the known one from now on.
         """
@@ -58,9 +58,8 @@ class IdentityRegistry:
         if mismatch is None:
             self._waiting.pop(name, None)
             self._keep(name, known, seen)
-        elif self._waiting.get(name) != mismatch:
+        else:
             self._waiting[name] = mismatch
-            self._publish(name, mismatch.event)
         return mismatch
 
     def forget(self, starter: str) -> None:

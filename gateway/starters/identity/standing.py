@@ -14,7 +14,7 @@ from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import Any
 
-from gateway.contract import CommandError, EventCode, ResultCode, phrase
+from gateway.contract import CommandError, Event, EventCode, ResultCode, event_of, phrase
 from gateway.families import Identity, Profile, Question, diagnosis
 from gateway.line import Answered, Outcome, Refused
 from gateway.modbus import ExceptionCode, ReadHoldingRegisters, ReadInputRegisters
@@ -101,12 +101,13 @@ class Standing:
     reason: str = "not yet asked"
     contradiction: str = ""  # of the configuration: values would be of another family or model
     is_readable: bool = False  # what is read now counts
+    event: Event | None = None  # of what holds the commands
 
     def become(self, status: IdentityStatus, reason: str, **changes: Any) -> Standing:
         """Return the standing in another status; KeyError where it cannot follow."""
         if status not in TRANSITIONS[self.status]:
             raise KeyError(self.status, status)
-        return replace(self, status=status, reason=reason, **{"contradiction": "", **changes})
+        return replace(self, status=status, reason=reason, **{"contradiction": "", "event": None, **changes})
 
 
 def met(standing: Standing) -> Standing:
@@ -131,19 +132,32 @@ def judged(
     why_not = diagnosis.why_not(profile, identity)
     become = partial(standing.become, identity=identity)
     if why_not is not None and (identity.family_seen is not None or identity.lacks):
-        return become(IdentityStatus.MISMATCHED, why_not, contradiction=why_not, is_readable=True)
+        event = event_of(
+            EventCode.IDENTITY_MISMATCH,
+            expected=profile.family,
+            seen=identity.family_seen,
+            model=identity.model,
+            reason=why_not,
+        )
+        return become(
+            IdentityStatus.MISMATCHED, why_not, contradiction=why_not, is_readable=True, event=event
+        )
     if why_not is not None:
         is_readable = _is_read_without_name(profile, answers)
         if standing.status is IdentityStatus.MISMATCHED and not is_readable:
             return standing  # no answer says otherwise
-        return become(IdentityStatus.UNKNOWN, why_not, is_readable=is_readable)
+        event = event_of(EventCode.IDENTITY_UNKNOWN, reason=why_not)
+        return become(IdentityStatus.UNKNOWN, why_not, is_readable=is_readable, event=event)
     if mismatch is not None:
-        reason, contradiction = mismatch.event.text, mismatch.contradiction
-        return become(IdentityStatus.CHANGED, reason, contradiction=contradiction, is_readable=True)
-    trouble = diagnosis.slot_trouble(profile, setup.variant, identity)
-    return become(
-        IdentityStatus.OTHER_SLOT if trouble else IdentityStatus.MATCHING, trouble, is_readable=True
-    )
+        event, contradiction = mismatch.event, mismatch.contradiction
+        return become(
+            IdentityStatus.CHANGED, event.text, contradiction=contradiction, is_readable=True, event=event
+        )
+    if trouble := diagnosis.slot_trouble(profile, setup.variant, identity):
+        slot, seen = setup.variant.slot, identity.slot
+        event = event_of(EventCode.SLOT_MISMATCH, configured=slot, seen=seen, reason=trouble)
+        return become(IdentityStatus.OTHER_SLOT, trouble, is_readable=True, event=event)
+    return become(IdentityStatus.MATCHING, "", is_readable=True)
 
 
 def next_question(profile: Profile, answers: Answers, round_: int = TRIES) -> Question | None:

@@ -33,6 +33,7 @@ from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
 PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read what decides about a start
+AFTER_WRITE_S = 1.0  # a command may write more
 EVERY_S = 60.0  # one block of the laps; an SSW900's settings are some 20 blocks
 FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
 REFUSED_FOR_S = 3600.0
@@ -74,12 +75,16 @@ class SettingsWatch(StarterService):
         for code in written:
             self._known.pop(code, None)
         if not written.isdisjoint(diagnosis.readiness_codes(profile)):
-            self._readiness.begin(self._look_until_read)
+            self._readiness.begin(self._look_after_write)
 
     async def close(self) -> None:
         """Read nothing more."""
         await self._readiness.close()
         await self._patrol.close()
+
+    async def _look_after_write(self) -> None:
+        await asyncio.sleep(AFTER_WRITE_S)
+        await self._look_until_read()
 
     async def _look_until_read(self) -> None:
         """Read what decides about a start, ever less often until the rows of the watchdog are known."""

@@ -115,8 +115,7 @@ class StatePublisher(Emitter):
             faults = state.published_faults
             if faults is not None:
                 self._faults.note(self.starter, faults)
-        trip_s = math.inf if state.trip is None else state.due_s
-        self._look_at(min(self._published.next_due_s, trip_s, look_s))
+        self._look_at(min(self._published.next_due_s, state.due_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
         """Publish the state, its booleans and the starter's lock if that is due; return whether it was."""

@@ -19,7 +19,6 @@ class Snapshot:
         self.state = StarterState(points)
         self._rows: dict[str, Words] = {}
         self._rows_at_s: dict[str, float] = {}
-        self._newest_s = -math.inf
 
     @property
     def readings(self) -> Points:
@@ -44,12 +43,10 @@ class Snapshot:
 
     def keep_rows(self, rows: Mapping[str, Words], *, at_s: float) -> None:
         """Record raw words that have just been read; older ones than those known are ignored."""
-        if at_s < self._newest_s:
-            times = self._rows_at_s
-            rows = {code: words for code, words in rows.items() if times.get(code, -math.inf) <= at_s}
-        self._newest_s = max(self._newest_s, at_s)
-        self._rows.update(rows)
-        self._rows_at_s.update(dict.fromkeys(rows, at_s))
+        times = self._rows_at_s
+        newer = {code: words for code, words in rows.items() if times.get(code, -math.inf) <= at_s}
+        self._rows |= newer
+        self._rows_at_s |= dict.fromkeys(newer, at_s)
 
     def outdate_rows(self) -> None:
         """Let no row count as recent: another device may answer next."""

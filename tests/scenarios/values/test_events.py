@@ -76,46 +76,6 @@ TRIPS = [
         },
     ),
     row(
-        "a number that the manual does not name is published by its number",
-        given=SSW07,
-        at={0: RUNNING, 5: [TRIPPED, "pump P014 = 42"]},
-        then={8: msg("starter/pump/alarm/e42", active=True, text=re.compile("E42.*not in the manual"))},
-    ),
-    row(
-        "an SSW-06 gives no number: its alarm is `fault`",
-        given=SSW06,
-        at={0: "fan VB01 = 0x5123", 5: "fan VB01 = 0x8002"},
-        then={
-            8: [
-                msg("starter/fan/alarm/fault", active=True, severity="fault"),
-                of("fan", "fault", data={"alarm": "fault"}),
-            ]
-        },
-    ),
-    row(
-        "an SSW900's fault has the number of D1.1.1",
-        given=SSW900,
-        at={0: "mill S5.1.1 = 0x0163", 5: ["mill S5.1.1 = 0x8102", "mill D1.1.1 = 128"]},
-        then={
-            8: [
-                msg("starter/mill/alarm/f128", active=True, text=re.compile("timeout")),
-                of("mill", "fault", data={"alarm": "f128"}),
-            ]
-        },
-    ),
-    row(
-        "an SST's errors are coils: each is an alarm, together they are one event",
-        given=SST,
-        at={0: "belt R19 = 2", 5: ["belt COIL9 = 1", "belt COIL12 = 1", "belt COIL17 = 1", "belt R19 = 0"]},
-        then={
-            8: [
-                msg("starter/belt/alarm/coil12", active=True, severity="fault", text="Overcurrent"),
-                msg("starter/belt/alarm/coil17", active=True, severity="fault", text="Phase loss"),
-                seen("starter/belt/event", times=1, code="fault"),
-            ]
-        },
-    ),
-    row(
         "a fault that goes and comes again is counted",
         given=SSW07,
         sim={"pump": QUICK},
@@ -176,6 +136,35 @@ TRIPS += [
         },
     )
     for name, (site, number) in TRIPPED_BY.items()
+]
+
+BY_FAMILY = [  # the words of a running motor, those of its trip, and the alarms that these are
+    (SSW07, "pump VB01 = 0x5123", "pump VB01 = 0x8000, pump P014 = 42", {"e42": "E42.*not in the manual"}),
+    (SSW06, "fan VB01 = 0x5123", "fan VB01 = 0x8002", {"fault": ""}),  # it gives no number
+    (SSW900, "mill S5.1.1 = 0x0163", "mill S5.1.1 = 0x8102, mill D1.1.1 = 128", {"f128": "timeout"}),
+    (
+        SST,  # its errors are coils
+        "belt R19 = 2",
+        "belt COIL9 = 1, belt COIL12 = 1, belt COIL17 = 1, belt R19 = 0",
+        {"coil12": "Overcurrent", "coil17": "Phase loss"},
+    ),
+]
+TRIPS += [
+    row(
+        f"{words}: its alarms, and one event",
+        given=site,
+        at={0: running, 5: words.split(", ")},
+        then={
+            8: [
+                of(name := words.split()[0], "fault", data={"alarm": min(alarms)}),
+                *(
+                    msg(f"starter/{name}/alarm/{code}", active=True, severity="fault", text=re.compile(text))
+                    for code, text in alarms.items()
+                ),
+            ]
+        },
+    )
+    for site, running, words, alarms in BY_FAMILY
 ]
 
 ALARMS = [

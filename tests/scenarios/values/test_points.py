@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from typing import Any
 
@@ -37,13 +36,11 @@ from tests.rig.sites import (
     starter,
     table,
 )
-from tests.scenarios.cli.lines import beside, cli
 from tests.scenarios.commands import do
 from tests.scenarios.plugins.doors import answer, born, device, entity, sample, shown
 from tests.scenarios.values.words import answers, bad, value
 
 FAN = line() + starter("fan", 2, "ssw06", points=["P314", "P220"])
-MILL = line() + starter("mill", 3, "ssw900", points=["D4.1.1", "D6.2", "s1.1.1", "S4.3.*"])
 ROW = {"family": "ssw07", "parameter": "P102", "name": "voltage_ramp_time", "title": "Voltage ramp time"}
 PUMP_ROW = SSW07 + 'points = ["P102"]\n' + table("[row]", **ROW, unit="s", min=1, max=90)
 
@@ -52,29 +49,6 @@ def point(topic: str, **fields: Any) -> Expectation:
     """A starter's `info` describes a point so."""
     name, _, of = topic.partition("/")
     return msg(f"starter/{name}/info", points={of: fields})
-
-
-def reads(
-    name: str, table: int, first: int, last: int, *, every_s: float, since_s: float = 5.0
-) -> Expectation:
-    """Registers are read so often, in the median; by whichever request."""
-
-    def check(plant: RigPlant) -> str:
-        times = [
-            at_s
-            for at_s, pdu in plant.starter(name).asked
-            if at_s >= since_s
-            and pdu[0] == table
-            and int.from_bytes(pdu[1:3]) <= first
-            and int.from_bytes(pdu[1:3]) + int.from_bytes(pdu[3:5]) > last
-        ]
-        gaps = sorted(later - at_s for at_s, later in itertools.pairwise(times))
-        middle = gaps[len(gaps) // 2] if gaps else 0.0
-        return (
-            "" if abs(middle - every_s) <= 0.2 * every_s else f"{first}-{last} every {middle:.2f} s: {gaps}"
-        )
-
-    return check
 
 
 VALUES = [
@@ -129,20 +103,6 @@ VALUES = [
         },
     ),
     row(
-        "the shortest period of a row counts; a starter that is ramping reads no extra point faster",
-        given=line()
-        + starter("fan", 2, "ssw06", points=["P314", "P295"])
-        + table("[points]", family="ssw06", codes=["P314"], every_s=2.0),
-        at={8: "fan keypad start"},
-        then={
-            40: [
-                point("fan/p314", every_s=2.0),
-                reads("fan", 3, 314, 314, every_s=2.0),
-                reads("fan", 3, 295, 295, every_s=10.0),
-            ]
-        },
-    ),
-    row(
         "a row that this starter refuses is bad, and takes no other with it",
         given=PUMP_ROW.replace('["P102"]', '["P102", "P220", "P277"]'),
         then={
@@ -152,25 +112,6 @@ VALUES = [
                 value("pump/p277", ...),
                 value("pump/current", ..., "A"),
                 msg("starter/pump/state", state="ready", quality="good"),
-            ]
-        },
-    ),
-    row(
-        "what only an accessory has is read alone, so that a missing one is no 0",
-        given=MILL,
-        then={
-            25: [
-                reads("mill", 3, 63, 63, every_s=10.0, since_s=1.0),
-                lambda plant: next(
-                    (
-                        f"longer: {pdu.hex(' ')}"
-                        for _, pdu in plant.starter("mill").asked
-                        if pdu[0] == 3 and int.from_bytes(pdu[1:3]) == 63 and int.from_bytes(pdu[3:5]) > 2
-                    ),
-                    "",
-                ),
-                value("mill/d4_1_1", ..., "A"),
-                value("mill/d6_2", ..., "s", label=re.compile(r"\d\d:\d\d:\d\d")),
             ]
         },
     ),
@@ -204,14 +145,7 @@ VALUES = [
         "a site's own row is a point under the name that the site gives it",
         given=PUMP_ROW,
         sim={"pump": {"settings": {102: 12}}},
-        then={
-            15: [
-                point(
-                    "pump/voltage_ramp_time", code="P102", name="Voltage ramp time", unit="s", type="float"
-                ),
-                value("pump/voltage_ramp_time", 12.0, "s"),
-            ]
-        },
+        then={15: point("pump/voltage_ramp_time", code="P102", name="Voltage ramp time", type="float")},
     ),
 ]
 
@@ -237,12 +171,25 @@ def takes_writes(plant: RigPlant) -> None:
     answers("pump", written)(plant)  # type: ignore[operator]
 
 
-def own(
-    name: str, words: str, *then: Expectation, first: Any = (), given: str = WRITABLE, **args: Any
-) -> ScenarioRow:
-    """A command that names a row of the site's own."""
-    at: dict[float, Any] = {0.0: takes_writes, 1.0: first, 5.0: do(words, **args)}
-    return row(name, given=given, sim=HELD, at=at, then={12.0: then})
+@pytest.mark.parametrize(
+    ("rules", "motor", "number", "end", "written"),
+    [
+        ("writable = true", "rests", 30, "confirmed ok", ["06 00 66 00 1e"]),
+        ("writable = true", "rests", 91, "rejected out_of_range", []),
+        ("writable = true", "runs", 30, "rejected motor_running", []),
+        ('writable = true\nwhile = "always"', "runs", 30, "confirmed ok", ["06 00 66 00 1e"]),
+        ("", "rests", 30, "rejected not_writable", []),
+    ],
+)
+def test_a_row_of_the_site_is_set_by_its_rules(
+    rules: str, motor: str, number: int, end: str, written: list[str]
+) -> None:
+    setting = do("pump set", parameter="P102", value=number)
+    at: dict[float, Any] = {0: takes_writes, 1: do("pump start") if motor == "runs" else (), 5: setting}
+    now = value("pump/voltage_ramp_time", 30.0 if written else 12.0, "s")
+    then = {17: [result(f"set {end}"), frames("pump", *written, since=5.0), now]}
+
+    play(row(end, given=f"{PUMP_ROW}{rules}\n{ALICE}", sim=HELD, at=at, then=then).values[0])
 
 
 ROWS = [
@@ -255,84 +202,12 @@ ROWS = [
         at={0: "fan P048 = 123"},
         then={15: value("fan/peak", 123.0, "A")},
     ),
-    own(
-        "a site's own row is read by its code",
-        "pump read",
-        msg("result/pump/alice", phase="confirmed", value=12.0, unit="s"),
-        parameter="p102",
-    ),
-    own(
-        "it is set, once, and read back; the point follows",
-        "pump set",
-        result("set confirmed ok"),
-        frames("pump", "06 00 66 00 1e"),
-        value("pump/voltage_ramp_time", 30.0, "s"),
-        parameter="P102",
-        value=30,
-    ),
-    own(
-        "not beyond its limits",
-        "pump set",
-        result("set rejected out_of_range"),
-        frames("pump"),
-        parameter="P102",
-        value=91,
-    ),
-    own(
-        "not unless it says so",
-        "pump set",
-        result("set rejected not_writable"),
-        frames("pump"),
-        given=PUMP_ROW + ALICE,
-        parameter="P102",
-        value=30,
-    ),
-    own(
-        "at standstill only",
-        "pump set",
-        result("set rejected motor_running"),
-        frames("pump", since=5.0),
-        first=do("pump start"),
-        parameter="P102",
-        value=30,
-    ),
-    own(
-        "while the motor runs where the row says so",
-        "pump set",
-        result("set confirmed ok"),
-        frames("pump", "06 00 66 00 1e", since=5.0),
-        first=do("pump start"),
-        given=PUMP_ROW + 'writable = true\nwhile = "always"\n' + ALICE,
-        parameter="P102",
-        value=30,
-    ),
     row(
-        "its change at the keypad is an event",
+        "a site's own row is read by its code",
         given=WRITABLE,
         sim=HELD,
-        at={900.0: lambda plant: plant.starter("pump").unit.settings.update({102: 40})},
-        then={3000.0: event("parameter_changed", topic="starter/pump/event", data={"parameter": "P102"})},
-    ),
-    beside(
-        "it is saved, compared and restored",
-        WRITABLE,
-        takes_writes,  # type: ignore[arg-type]
-        cli("parameters save CONFIG pump DIR/set.toml", out="68 parameters of pump\n"),
-        lambda plant: plant.starter("pump").unit.settings.update({102: 40}),  # type: ignore[arg-type,return-value]
-        cli(
-            "parameters diff DIR/set.toml CONFIG:pump",
-            code=1,
-            out="P102 Voltage ramp time: 12.0 s -> 40.0 s\n",
-        ),
-        cli("parameters save CONFIG pump DIR/other.toml"),
-        cli(
-            "parameters diff DIR/set.toml DIR/other.toml",
-            code=1,
-            out="P102 Voltage ramp time: 12.0 s -> 40.0",
-        ),
-        cli("parameters restore CONFIG pump DIR/set.toml", out="P102"),
-        frames("pump", "06 00 66 00 0c"),
-        sim=HELD,
+        at={5: do("pump read", parameter="p102")},
+        then={12: msg("result/pump/alice", phase="confirmed", value=12.0, unit="s")},
     ),
 ]
 

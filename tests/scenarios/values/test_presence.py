@@ -44,15 +44,6 @@ def _times_are_older_than(at_s: float) -> Expectation:
 
 PRESENCE = [
     row(
-        "a starter is offline until it answers, then online",
-        given=SSW07,
-        at={0: fault("silent", "pump", for_s=8)},
-        then={
-            7: [msg(PUMP + "availability", state="offline", retain=True), msg(PUMP + "state", quality="bad")],
-            30: msg(PUMP + "availability", state="online", reason=None),
-        },
-    ),
-    row(
         "after four misses it is offline, with event and reason, and every value stale with its own old time",
         given=SSW07,
         at={5: fault("silent", "pump")},
@@ -65,18 +56,6 @@ PRESENCE = [
                 _times_are_older_than(5.1),
                 clean_line,
             ]
-        },
-    ),
-    row(
-        "corrupted replies make a starter offline, too, and nothing wrong is shown",
-        given=SSW07,
-        at={5: fault("garble", "pump", for_s=30)},
-        then={
-            25: msg(PUMP + "availability", state="offline"),
-            80: [
-                msg(PUMP + "availability", state="online"),
-                never(PUMP + "value/current", value=re.compile(".")),
-            ],
         },
     ),
     row(
@@ -161,17 +140,6 @@ REFUSALS = [
             },
         )
         for name, register, code in (("pump", 5001, 2), ("fan", 5001, 1), ("mill", 680, 3), ("belt", 19, 2))
-    ),
-    row(
-        "a starter of whose replies every tenth is lost is degraded, and says why",
-        given=SSW07,
-        at={3: answers("pump", _every(10))},
-        then={
-            300: [
-                msg(PUMP + "availability", state="degraded", reason=re.compile("had no valid reply")),
-                never(PUMP + "availability", since=5, state="offline"),
-            ]
-        },
     ),
     row(
         "a refusal now and then costs no poll and no value",

@@ -8,7 +8,7 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, msg, play, row, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, SSW06, SSW07, SSW900, starter, table
+from tests.rig.sites import ALICE, SSW06, SSW07, starter, table
 
 CURRENT = "starter/pump/value/current"
 FAST = SSW07.replace("every_s = 1.0", "every_s = 0.1")
@@ -75,12 +75,6 @@ EXCEPTION = [
         at={5: "pump VB01 = 0x5123", 8: "pump VB01 = 0x4102"},
         then={320: _every_number_is_new},
     ),
-    row(
-        "each connection has every value again",
-        given=SSW07,
-        at={10: "broker drops"},
-        then={15: [seen(CURRENT, since=10.0, quality="good"), seen("starter/pump/state", since=10.0)]},
-    ),
 ]
 
 INFO = [
@@ -116,18 +110,6 @@ INFO = [
                 msg("starter/mill/info", family="ssw900", slot=2),
                 msg("starter/belt/info", family="sst", serial=...),
             ]
-        },
-    ),
-    row(
-        "info lists the verbs that a family has",
-        given=SSW900 + ALICE,
-        then={
-            5: lambda plant: (
-                ""
-                if {"start", "stop", "reset", "set", "read", "jog"}
-                <= set(plant.last("starter/mill/info")["commands"])
-                else str(plant.last("starter/mill/info")["commands"])
-            )
         },
     ),
 ]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import pytest
 
-from tests.rig import ScenarioRow, clean_line, msg, play, row, seen
-from tests.rig.sites import FOUR, SST, SSW06, SSW07, SSW900
+from tests.rig import msg, play, row
+from tests.rig.sites import SST, SSW06, SSW07, SSW900
 
 SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 SST_READY = "R19 = 0, COIL5 = 1, COIL26 = 1, COIL9 = 0"
@@ -64,35 +64,3 @@ def test_words_give_the_state(starter: str, words: str, state: str, bits: dict[s
     setting = [f"{starter} {word}" for word in words.split(", ")]
     is_so = msg(f"starter/{starter}/state", state=state, quality="good", retain=True, **bits)
     play(row(words, given=SITES[starter], at={0: setting}, then={2.5: is_so}).values[0])
-
-
-ROWS = [
-    row(
-        "a motor that starts, runs and stops goes through its states on every family",
-        given=FOUR,
-        at={
-            2: [f"{name} control local" for name in SITES],
-            4: [f"{name} keypad start" for name in SITES],
-            30: [f"{name} keypad stop" for name in SITES],
-        },
-        then={
-            29: [msg(f"starter/{name}/state", state="running", remote=False) for name in SITES],
-            60: [
-                *(seen(f"starter/{name}/state", state="starting", since=4) for name in SITES),
-                *(seen(f"starter/{name}/state", state="stopping", since=30) for name in SITES),
-                clean_line,
-            ],
-        },
-    ),
-    row(
-        "before a first answer the state is unknown and says so",
-        given=SSW07,
-        absent=("pump",),
-        then={10: msg("starter/pump/state", state="unknown", quality="bad", time=None, running=None)},
-    ),
-]
-
-
-@pytest.mark.parametrize("row", ROWS)
-def test_states(row: ScenarioRow) -> None:
-    play(row)
