@@ -134,7 +134,7 @@ def _replaced(folder: Path) -> Iterator[Path]:
         yield stage
         for path in stage.rglob("*"):
             if path.is_file():
-                path.chmod(0o644 if path.name in _PUBLIC else 0o600)
+                path.chmod(0o644 if str(path.relative_to(stage)) in _PUBLIC else 0o600)
         for part in _PARTS:
             with suppress(FileNotFoundError):
                 (folder / part).rename(stage / f"{part}.old")  # goes with the private folder
