@@ -137,18 +137,29 @@ def _print_line(line: LineCapacity) -> None:
         each, gaps = starter.table, gaps_of_starter(starter)
         times = "  ".join(f"{gap_s:7.2f} s" for gap_s in (gaps.regular_s, gaps.crash_s, gaps.hang_s))
         known = f"  {each.name:{width}}  {each.address:4}  {each.family:6}  {times}"
-        print(f"{known}   {_watchdog(starter, gaps)}")
+        print(f"{known}   {_watchdog(starter, gaps)[0]}")
 
 
-def _watchdog(starter: StarterCapacity, gaps: capacity.Gaps) -> str:
+def _watchdog(starter: StarterCapacity, gaps: capacity.Gaps) -> tuple[str, Finding | None]:
+    """Return a watchdog in words, and a warning when it is too tight or acts when the gateway fails."""
     limit_s = starter.table.watchdog_s
     if limit_s is None:
-        return f"not stated, must be above {starter.gap_s:.2f} s"
+        return f"not stated, must be above {starter.gap_s:.2f} s", None
     if not limit_s or starter.margin_s is None:
-        return "off"
+        return "off", None
     for_crash_s, for_hang_s = gaps.wanted_s
     outlasts = "nothing" if limit_s < for_crash_s else "a crash" if limit_s < for_hang_s else "both"
-    return f"{limit_s:g} s, {starter.margin_s:.2f} s to spare, outlasts {outlasts}"
+    warning, acts = None, "acts when the gateway"
+    for wanted_s, what in (
+        (_SAFE_FACTOR * starter.gap_s, f"has {starter.margin_s:.2f} s to spare"),
+        (for_crash_s, f"{acts} crashes: {gaps.crash_s:.1f} s without a request"),
+        (for_hang_s, f"{acts} hangs: {gaps.hang_s:.1f} s without a request"),
+    ):
+        if limit_s < wanted_s:
+            where, text = f"starter {starter.table.name}", f"its watchdog of {limit_s:g} s {what}"
+            warning = _warning(where, text, f"make it {wanted_s:.1f} s, or every_s shorter")
+            break
+    return f"{limit_s:g} s, {starter.margin_s:.2f} s to spare, outlasts {outlasts}", warning
 
 
 def _warnings(site: Site) -> Iterator[Finding | None]:
@@ -157,7 +168,7 @@ def _warnings(site: Site) -> Iterator[Finding | None]:
     for line in site.prospects:
         yield from _line_warnings(line)
         for starter in line.starters:
-            yield _watchdog_warning(starter)
+            yield _watchdog(starter, gaps_of_starter(starter))[1]
     for where, name in product(("mqtt", "web", "sparkplug"), ("ca_file", "cert_file", "key_file")):
         file = getattr(getattr(config, where), name, None)
         if file is None:
@@ -195,25 +206,6 @@ def _line_warnings(line: LineCapacity) -> Iterator[Finding]:
     if len(profiles) > most:
         what = f"{len(profiles)} starters need a repeater, {title} allows {most} without"
         yield _warning(where, what, "put one in, or use more lines")
-
-
-def _watchdog_warning(starter: StarterCapacity) -> Finding | None:
-    """Say that a watchdog is too tight while everything works, else for which failure of the gateway."""
-    limit_s, where, gaps = starter.table.watchdog_s, f"starter {starter.table.name}", gaps_of_starter(starter)
-    if not limit_s:
-        return None
-    what, (for_crash_s, for_hang_s) = f"its watchdog of {limit_s:g} s", gaps.wanted_s
-    if limit_s < _SAFE_FACTOR * starter.gap_s:
-        what, wanted_s = f"{what} has {starter.margin_s:.2f} s to spare", _SAFE_FACTOR * starter.gap_s
-    elif limit_s < for_crash_s:
-        gap = f"crashes: {gaps.crash_s:.1f} s without a request"
-        what, wanted_s = f"{what} acts when the gateway {gap}", for_crash_s
-    elif limit_s < for_hang_s:
-        gap = f"hangs: {gaps.hang_s:.1f} s without a request"
-        what, wanted_s = f"{what} acts when the gateway {gap}", for_hang_s
-    else:
-        return None
-    return _warning(where, what, f"make it {wanted_s:.1f} s, or every_s shorter")
 
 
 def _warning(where: str, text: str, remedy: str) -> Finding:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:  # not every command reads a configuration
     from gateway.config import Config, LineTable, StarterTable
 
 STEP = 0.1  # of the whole, between two lines where there is no terminal
+KEY_VALUE = "KEY=VALUE (e.g. parameter=P314 value=30)"
 
 _CLEAR = "\r\x1b[K"
 _CONSTANTS = {"true": True, "false": False}
@@ -73,30 +74,21 @@ def whole_number(text: str, what: str, *, low: int, high: int) -> int:
     return number
 
 
-def arguments(pairs: Iterable[str], *, texts: Sequence[str] = ()) -> dict[str, bool | int | float | str]:
-    """Return a command's KEY=VALUE arguments, with numbers, true and false as such; UsageError otherwise.
+def assigned(
+    items: Iterable[str], *, sign: str, form: str, texts: Sequence[str] = ()
+) -> dict[str, bool | int | float | str]:
+    """Return the values of KEY=VALUE, or with another sign, by key; UsageError for what is not of this form.
 
-    The values of `texts` stay as they are.
+    Numbers, true and false are values as such; those of `texts` stay as they are.
     """
     found: dict[str, bool | int | float | str] = {}
-    for pair in pairs:
-        key, sign, value = pair.partition("=")
-        if not sign or not key:
-            raise UsageError(f"argument {pair!r} is not KEY=VALUE (e.g. parameter=P314 value=30)")
+    for item in items:
+        key, _, value = item.partition(sign)
+        if not key or not value:
+            raise UsageError(f"argument {item!r} is not {form}")
         if key in found:
             raise UsageError(f"argument {key} is given twice (give it once)")
         found[key] = value if key in texts else _value(value)
-    return found
-
-
-def expectations(text: str) -> dict[str, bool | int | float | str]:
-    """Return what a command expects, state:ready,remote:true, as values by point; UsageError otherwise."""
-    found: dict[str, bool | int | float | str] = {}
-    for item in text.split(","):
-        name, sign, value = item.partition(":")
-        if not sign or not name or not value or name in found:
-            raise UsageError(f"expect={text!r} is not POINT:VALUE,.. (e.g. expect=state:ready,remote:true)")
-        found[name] = _value(value)
     return found
 
 

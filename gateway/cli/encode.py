@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import argparse
 
-from gateway.cli.command import arguments, whole_number
+from gateway.cli.command import KEY_VALUE, assigned, whole_number
 from gateway.contract import CommandError
 from gateway.errors import UsageError
 from gateway.families import FAMILIES, Profile, Variant, command, load_profile
@@ -31,7 +31,7 @@ def run(args: argparse.Namespace) -> int:
     address = whole_number(args.address, "ADDRESS", low=1, high=247)
     variant = Variant.model_validate({"slot": _slot(profile, args.slot)})
     seen = _seen(profile, variant, args.last_word)
-    values = arguments(args.args)
+    values = assigned(args.args, sign="=", form=KEY_VALUE)
     try:
         reads = command.prepare(profile, variant, args.verb, values).reads
         is_read = args.verb == "read"

@@ -10,12 +10,14 @@ from pathlib import Path
 from typing import Any
 
 from gateway.cli.broker import add_login, client_of, settings_of, user_name
-from gateway.cli.command import add_starter, arguments, choose, completed, expectations, targets
+from gateway.cli.command import KEY_VALUE, add_starter, assigned, choose, completed, targets
 from gateway.config import Config, load
 from gateway.contract import OWN_VERBS, SELECT, STOP, CommandRequest, Phase, ResultRecord, Topics, is_level
 from gateway.errors import UsageError
 from gateway.families import command, load_profile
 from gateway.mqtt import CommandClient
+
+EXPECT = "POINT:VALUE,.. (e.g. expect=state:ready,remote:true)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
@@ -68,7 +70,7 @@ def _verbs(config: Config, args: argparse.Namespace) -> tuple[str, ...]:
 
 
 def _order(args: argparse.Namespace, client: str) -> CommandRequest:
-    values: dict[str, Any] = dict(arguments(args.args, texts=("select", "expect")))
+    values: dict[str, Any] = dict(assigned(args.args, sign="=", form=KEY_VALUE, texts=("select", "expect")))
     select, expect = values.pop("select", None), values.pop("expect", None)
     if args.verb == SELECT and "verb" in values:
         target = values.pop("verb")
@@ -79,7 +81,7 @@ def _order(args: argparse.Namespace, client: str) -> CommandRequest:
         verb=args.verb,
         args=values,
         operator=user_name(),
-        expect=expectations(expect) if expect is not None else {},
+        expect=assigned(expect.split(","), sign=":", form=EXPECT) if expect is not None else {},
         select=select,
     )
 

@@ -80,11 +80,6 @@ def contents(folder: Path) -> dict[str, bytes]:
     return {str(path.relative_to(folder)): path.read_bytes() for path in folder.rglob("*") if path.is_file()}
 
 
-def given(folder: Path, key: str = "broker.key") -> list[str]:
-    """Return the options that give the certificates of another kit to this one."""
-    return ["--ca", str(folder / "ca.pem"), "--cert", str(folder / "broker.pem"), "--key", str(folder / key)]
-
-
 def rights(acl: Path) -> dict[str, tuple[set[str], set[str]]]:
     """Return what a list lets each login read and write."""
     found = {}
@@ -236,39 +231,30 @@ def test_the_plants_certificates_are_taken_where_they_fit_together_and_are_for_t
     plant = made(tmp_path, site=site, folder="plant")
     other = made(tmp_path, site=site.replace("broker.plant", "other.plant"), folder="other")
     kit = made(tmp_path, site=site)
-    before = contents(kit)
-    mixed = made(tmp_path, site=site, folder="mixed")
-    shutil.copy(other / "ca.pem", mixed / "ca.pem")
-    for options, what in (
-        (given(other), "--cert is not for broker.plant"),
-        (given(plant, "../other/broker.key"), "do not fit together: "),
-        (given(mixed), "do not fit together: "),
-        (["--bridge-ca", str(tmp_path / "site.toml"), "--bridge", "central"], "is no PEM file"),
-    ):
-        made(tmp_path, "--update", *options, site=site, code=2)
-        assert what in capsys.readouterr().err
-    assert contents(kit) == before
+    (kit / "ca.key").unlink()
+    secret = ["openssl", "pkey", "-in", plant / "broker.key", "-aes128", "-passout", "pass:x", "-out"]
+    subprocess.run([*secret, plant / "secret.key"], check=True, capture_output=True, timeout=20)
+    (plant / "none.pem").write_text("not a certificate", "utf-8")
 
-    made(tmp_path, "--update", *given(plant), site=site)
+    for ca, cert, key, what in (
+        (other / "ca.pem", other / "broker.pem", other / "broker.key", "broker.pem is not for broker.plant"),
+        (plant / "ca.pem", plant / "broker.pem", other / "broker.key", "do not fit together: "),
+        (other / "ca.pem", plant / "broker.pem", plant / "broker.key", "do not fit together: "),
+        (plant / "ca.pem", plant / "broker.pem", plant / "secret.key", "the key without a passphrase"),
+        (plant / "ca.pem", plant / "none.pem", plant / "broker.key", "do not fit together: "),
+        (plant / "ca.pem", plant / "broker.pem", plant / "broker.key", ""),
+    ):
+        for source, name in ((ca, "ca.pem"), (cert, "broker.pem"), (key, "broker.key")):
+            shutil.copy(source, kit / name)
+        before = contents(kit)
+        made(tmp_path, "--update", "--viewer", "panel", site=site, code=2 if what else 0)
+        assert what in capsys.readouterr().err
+        assert (contents(kit) == before) is bool(what)
 
     assert not (kit / "ca.key").exists()
     assert contents(kit)["broker.pem"] == contents(plant)["broker.pem"]
-    assert "certificate is valid until" in capsys.readouterr().out
-
-
-@needs_openssl
-def test_without_the_authoritys_key_the_certificate_stays_and_must_do(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    kit = made(tmp_path, site=changed(NAMED))
-    (kit / "ca.key").unlink()
-    before = (kit / "broker.pem").read_bytes()
-
-    made(tmp_path, "--update", "--viewer", "panel", site=changed(NAMED))
-    assert (kit / "broker.pem").read_bytes() == before
-
-    made(tmp_path, "--update", "--host", "new.plant", site=changed(NAMED), code=2)
-    assert "no certificate here is for new.plant (fetch ca.key back" in capsys.readouterr().err
+    made(tmp_path, "--update", "--host", "new.plant", site=site, code=2)
+    assert "is not for new.plant (fetch ca.key back into the kit" in capsys.readouterr().err
 
 
 @needs_openssl
@@ -276,8 +262,9 @@ def test_an_update_keeps_what_it_does_not_name_and_takes_away_what_an_empty_opti
     tmp_path: Path,
 ) -> None:
     site = changed(NAMED)
-    authority = str(made(tmp_path, site=site, folder="plant") / "ca.pem")
-    kit = made(tmp_path, "--bridge", "central", "--bridge-ca", authority, "--login", "two=alice", site=site)
+    kit = made(tmp_path, "--login", "two=alice", site=site)
+    shutil.copy(kit / "ca.pem", kit / "central-ca.pem")
+    made(tmp_path, "--update", "--bridge", "central", site=site)
     before = contents(kit)
     made(tmp_path, "--update", site=site)
     after = contents(kit)
@@ -296,20 +283,22 @@ def test_an_update_keeps_what_it_does_not_name_and_takes_away_what_an_empty_opti
 
 
 @needs_openssl
-def test_a_second_gateway_at_the_broker_takes_the_passwords_and_the_authority_of_the_first(
-    tmp_path: Path,
-) -> None:
-    like, second = made(tmp_path, site=changed(NAMED), folder="one"), changed(NAMED).replace("mcc1", "mcc2")
+def test_a_copy_of_a_kit_is_that_of_a_second_gateway_at_the_broker(tmp_path: Path) -> None:
+    one = made(tmp_path, site=changed(NAMED), folder="one")
+    shutil.copytree(one, tmp_path / "two")
 
-    two = contents(made(tmp_path, "--like", str(like), site=second, folder="two"))
+    two = made(tmp_path, "--update", site=changed(NAMED).replace("mcc1", "mcc2"), folder="two")
 
-    one = contents(like)
-    assert {name for name in one if name.startswith("logins/") and one[name] == two.get(name)} == {
-        f"logins/{name}" for name in ("alice", "auditor", "prover", "viewer")
+    same = {name for name, content in contents(one).items() if contents(two).get(name) == content}
+    assert same == {
+        "mosquitto.conf",
+        "ca.pem",
+        "ca.key",
+        "kit.json",
+        *(f"logins/{name}" for name in ("alice", "auditor", "prover", "viewer")),
     }
-    assert "logins/mcc2" in two
-    assert two["ca.pem"] == one["ca.pem"]
-    made(tmp_path, "--like", str(tmp_path / "none"), site=second, folder="three", code=2)
+    assert (two / "logins/mcc2").exists()
+    assert not (two / "logins/mcc1").exists()
 
 
 @pytest.mark.parametrize(
@@ -327,7 +316,6 @@ def test_a_second_gateway_at_the_broker_takes_the_passwords_and_the_authority_of
         (["--host", "a b"], "is no ADDRESS"),
         (["--host=-a"], "is no ADDRESS"),
         (["--host={gateway}"], "is no ADDRESS"),
-        (["--ca", "x"], "go together"),
         (["--login", "x"], "is no NAME=OPERATOR"),
         (["--bridge", "central:x"], "is no HOST"),
         (["--login", "..=alice"], "is no NAME=OPERATOR"),
@@ -337,7 +325,6 @@ def test_a_second_gateway_at_the_broker_takes_the_passwords_and_the_authority_of
         (["--bridge", "central", "--bridge-base", "acme/site 1"], "is no BASE"),
         (["--bridge", "central", "--bridge-base", "acme\ntopic # out"], "is no BASE"),
         (["--bridge", "central", "--bridge-base", "$share/acme"], "is no BASE"),
-        (["--bridge-ca", "/nowhere"], "no file"),
     ],
 )
 def test_wrong_options_are_refused_before_anything_is_written(

@@ -175,20 +175,14 @@ def test_starters_that_somebody_must_look_at_come_first_then_those_that_move() -
     assert "LIVE  6 starters, 2 with a fault or offline" in drawn(found)
 
 
-def test_an_alarm_that_the_gateway_has_had_forgotten_is_gone() -> None:
+def test_an_alarm_and_a_starter_that_the_gateway_has_had_forgotten_are_gone() -> None:
     found = overview(*PUMP, alarm("e05", "Motor overload", severity="fault"))
     assert "E05" in drawn(found)
 
     found.take(f"{BASE}/starter/pump/alarm/e05", b"", NOW_S)
-
     assert "E05" not in drawn(found)
 
-
-def test_a_starter_that_its_gateway_has_no_longer_is_gone() -> None:
-    found = overview(*PUMP)
-
     found.take(f"{BASE}/starter/pump/state", b"", NOW_S)
-
     assert found.rows() == []
 
 

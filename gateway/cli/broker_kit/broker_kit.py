@@ -18,14 +18,6 @@ from gateway.cli.doctor.machine import dated_finding
 from gateway.config import Config, load, password_in
 from gateway.errors import UsageError
 
-_FILES = {
-    "--bridge-ca": "the central broker's authority, PEM, else those of the system",
-    "--ca": "the plant's authority, PEM, in place of a new one; with --cert and --key",
-    "--cert": "the broker's certificate, PEM, with what lies between it and the authority",
-    "--key": "the broker's private key, PEM",
-    "--like": "the kit of another gateway at the same broker, a folder: its authority and passwords",
-}
-
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's description and arguments."""
@@ -53,8 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
             type=option.checked,
             help=option.about + ("" if is_one else "; may be repeated"),
         )
-    for name, about in _FILES.items():
-        contents.add_argument(name, metavar="PATH", help=about)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -67,24 +57,8 @@ def run(args: argparse.Namespace) -> int:
             f"{folder} holds a kit (--update adds what is new; to begin again, remove the folder)"
         )
     settings = (KitSettings.read(folder) if args.update else KitSettings()).changed(args)
-    old = [*([folder] if args.update else []), *([Path(args.like)] if args.like else [])]
-    if args.like and not is_kit(old[-1]):
-        raise UsageError(f"--like {args.like} is no kit")
-    logins = write_kit(config, folder, settings, _given(args), old)
-    _describe(config, folder, settings, logins)
+    _describe(config, folder, settings, write_kit(config, folder, settings))
     return 0
-
-
-def _given(args: argparse.Namespace) -> dict[str, Path | None]:
-    """Return the files that the plant gives, None for one that it takes back; UsageError."""
-    texts = {name: getattr(args, name) for name in ("ca", "cert", "key", "bridge_ca")}
-    given = {name: Path(text) if text else None for name, text in texts.items() if text is not None}
-    if 0 < len(given.keys() - {"bridge_ca"}) < 3:
-        raise UsageError("--ca, --cert and --key go together")
-    for path in given.values():
-        if path is not None and not path.is_file():
-            raise UsageError(f"{path} is no file")
-    return given
 
 
 def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple[Login, ...]) -> None:

@@ -1,6 +1,6 @@
-"""The authority's and the broker's certificate of a kit: the plant's, those of an earlier kit, or new ones.
+"""The authority's and the broker's certificate of a kit, made and looked at by the `openssl` command.
 
-They are made and looked at by the `openssl` command, in the folder that gets them.
+They are in the kit's folder. Those of a plant are put there in their place, without the authority's key.
 """
 
 from __future__ import annotations
@@ -9,7 +9,7 @@ import ipaddress
 import shutil
 import ssl
 import subprocess
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
@@ -30,26 +30,11 @@ _BROKER = (
 )
 
 
-def put_certificates(
-    folder: Path, hosts: Sequence[str], given: Mapping[str, Path | None], old: Sequence[Path], *, gateway: str
-) -> None:
-    """Put authority, certificate and keys into a folder; the last of `hosts` is the broker of mqtt.url.
+def complete_certificates(folder: Path, hosts: Sequence[str], *, gateway: str) -> None:
+    """Make an authority where a folder has none, and sign the broker's certificate where its key is there.
 
-    `given` are the plant's own files, by `ca`, `cert` and `key`; else the first of the kits `old` that has an
-    authority gives it. The broker's certificate is signed again where the authority's key is there. Without
-    `hosts` the broker needs none, and only an authority that is there already stays.
+    Without the authority's key the broker's certificate stays as it is; UsageError unless it will do.
     """
-    if plants := list(filter(None, map(given.get, ("ca", "cert", "key")))):
-        for source, name in zip(plants, (CA, CERT, KEY), strict=True):
-            copy_pem(source, folder / name)
-        _require_pair(folder, hosts)
-        return
-    for before in [each for each in old if (each / CA).exists()][:1]:
-        for name in (CA, CA_KEY, CERT, KEY):
-            if (before / name).exists():
-                copy_pem(before / name, folder / name)
-    if not hosts:
-        return
     if not (folder / CA).exists():
         subject = f"/CN=Starter Gateway {gateway} authority"
         _make(folder, subject, _AUTHORITY, "-days", str(_CA_DAYS), "-keyout", CA_KEY, "-out", CA)
@@ -57,10 +42,17 @@ def put_certificates(
         names = ",".join(f"{'IP' if _is_address(host) else 'DNS'}:{host}" for host in hosts)
         signed = ("-CA", CA, "-CAkey", CA_KEY, "-days", str(BROKER_DAYS), "-keyout", KEY, "-out", CERT)
         _make(folder, "/CN=broker", (*_BROKER, f"subjectAltName={names}"), *signed)
-    # The authority's key is the plant's, or lies elsewhere: the certificate stays as it is.
-    elif missing := [host for host in hosts if not _is_for(folder, host)]:
-        hint = f"fetch {CA_KEY} back into the kit, or give --ca, --cert and --key"
-        raise UsageError(f"no certificate here is for {', '.join(missing)} ({hint})")
+        return
+    try:  # certificates between it and the authority are in the same file
+        _openssl(folder, "verify", "-purpose", "sslserver", "-CAfile", CA, "-untrusted", CERT, CERT)
+        context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        context.load_cert_chain(folder / CERT, folder / KEY, password="")  # the broker cannot ask for one
+    except (StartError, OSError) as error:  # as OSError also ssl's
+        hint = f"PEM files, the key without a passphrase; or fetch {CA_KEY} back into the kit"
+        raise UsageError(f"{CA}, {CERT} and {KEY} do not fit together: {error} ({hint})") from error
+    if missing := [host for host in hosts if not _is_for(folder, host)]:
+        hint = f"fetch {CA_KEY} back into the kit, or put a certificate with these names there"
+        raise UsageError(f"{CERT} is not for {', '.join(missing)} ({hint})")
 
 
 def ends_on(certificate: Path) -> str:
@@ -69,37 +61,9 @@ def ends_on(certificate: Path) -> str:
     return shown.partition("=")[2]
 
 
-def copy_pem(source: Path, target: Path) -> None:
-    """Copy a PEM file; UsageError when it is none."""
-    text = source.read_bytes().decode("utf-8", "replace")
-    if "-----BEGIN " not in text:
-        raise UsageError(f"{source} is no PEM file (openssl x509 or pkey, -inform DER, makes one)")
-    if "ENCRYPTED" in text:
-        what = f"{source} has a passphrase, which the broker cannot ask for"
-        raise UsageError(f"{what} (openssl pkey removes it)")
-    target.write_text(text, "utf-8")
-
-
-def _require_pair(folder: Path, hosts: Sequence[str]) -> None:
-    """UsageError unless a folder's certificate is a server's, of its authority, for the broker, with its key.
-
-    Certificates between it and the authority are in the same file.
-    """
-    try:
-        _openssl(folder, "verify", "-purpose", "sslserver", "-CAfile", CA, "-untrusted", CERT, CERT)
-        ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER).load_cert_chain(folder / CERT, folder / KEY)
-    except (StartError, ssl.SSLError) as error:
-        raise UsageError(f"--ca, --cert and --key do not fit together: {error}") from error
-    for host in hosts[-1:]:
-        if not _is_for(folder, host):
-            raise UsageError(f"--cert is not for {host}, the broker of mqtt.url (its names must be in it)")
-
-
 def _is_for(folder: Path, host: str) -> bool:
     kind = "-checkip" if _is_address(host) else "-checkhost"
-    with suppress(StartError):  # there is none yet
-        return "does match" in _openssl(folder, "x509", "-noout", kind, host, "-in", CERT)
-    return False
+    return "does match" in _openssl(folder, "x509", "-noout", kind, host, "-in", CERT)
 
 
 def _is_address(host: str) -> bool:
@@ -117,7 +81,7 @@ def _openssl(folder: Path, *arguments: str) -> str:
     """Run openssl in a folder and return what it printed; StartError when it is not here, or fails."""
     program = shutil.which("openssl")
     if program is None:
-        raise StartError("openssl is not here", "apt-get install openssl, or give --ca, --cert and --key")
+        raise StartError("openssl is not here", "apt-get install openssl")
     command = [program, *arguments]
     done = subprocess.run(
         command,
@@ -131,5 +95,8 @@ def _openssl(folder: Path, *arguments: str) -> str:
     if done.returncode:
         lines = (done.stderr.strip() or done.stdout.strip()).splitlines()
         reason = [line for line in lines if " lookup: " in line] or lines  # of `verify`: why
-        raise StartError(f"openssl {arguments[0]}: {''.join(reason[-1:])}", "look at the files it was given")
+        raise StartError(
+            f"openssl {arguments[0]}: {''.join(reason[-1:])}",
+            f"look at {CA}, {CA_KEY} and {CERT}; without {CA_KEY} nothing is signed",
+        )
     return done.stdout.strip()

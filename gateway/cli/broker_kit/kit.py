@@ -7,13 +7,13 @@ changes nothing. An update draws no stored password and makes no authority again
 from __future__ import annotations
 
 import shutil
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
 from gateway.cli.broker_kit.bridge import LOOPBACK_PORT, bridge_conf, central_logins, edge_port
-from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY, copy_pem, put_certificates
+from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY, complete_certificates
 from gateway.cli.broker_kit.logins import FOLDER, logins_of, write_logins
 from gateway.cli.broker_kit.rights import Login
 from gateway.cli.broker_kit.settings import SETTINGS, KitSettings
@@ -67,34 +67,32 @@ def is_kit(folder: Path) -> bool:
     return (folder / SETTINGS).exists()
 
 
-def write_kit(
-    config: Config, folder: Path, settings: KitSettings, given: Mapping[str, Path | None], old: Sequence[Path]
-) -> tuple[Login, ...]:
+def write_kit(config: Config, folder: Path, settings: KitSettings) -> tuple[Login, ...]:
     """Write the kit and return its logins; StartError when the disk or openssl refuses.
 
-    `given` are the plant's own files, by `ca`, `cert`, `key` and `bridge_ca`: None takes a stored one away.
-    Passwords and certificates of the kits `old` stay; the first that has one counts.
+    Passwords and certificates that are in the folder stay, also the central broker's authority.
     """
     logins, base = logins_of(config, settings), settings.central_base(config)
     there = central_logins(config, logins, base) if base else ()
-    hosts = tuple(dict.fromkeys((*settings.hosts, config.mqtt.host))) if config.mqtt.is_tls else ()
     try:
         with _replaced(folder) as stage:
-            passwords = write_logins(stage, logins, old)
-            put_certificates(stage, hosts, given, old, gateway=config.gateway.name)
+            for name in (CA, CA_KEY, CERT, KEY, *((CENTRAL_CA,) if there else ())):
+                with suppress(FileNotFoundError):
+                    shutil.copyfile(folder / name, stage / name)
+            if config.mqtt.is_tls:
+                hosts = dict.fromkeys((*settings.hosts, config.mqtt.host))
+                complete_certificates(stage, [*hosts], gateway=config.gateway.name)
+            passwords = write_logins(stage, logins, stored=folder)
             (stage / "mosquitto.conf").write_text(broker_conf(config, has_bridge=bool(there)), "utf-8")
             if there:
-                stored = next((each / CENTRAL_CA for each in old if (each / CENTRAL_CA).exists()), None)
-                if authority := given.get("bridge_ca", stored):
-                    copy_pem(authority, stage / CENTRAL_CA)
                 text = bridge_conf(
                     config,
                     logins,
                     address=settings.central_address(),
                     base=base,
-                    ca_path=f"{INSTALLED}/{CENTRAL_CA}" if authority else "",
+                    ca_path=f"{INSTALLED}/{CENTRAL_CA}" if (stage / CENTRAL_CA).exists() else "",
                     passwords=passwords,
-                    central_passwords=write_logins(stage / CENTRAL, there, [each / CENTRAL for each in old]),
+                    central_passwords=write_logins(stage / CENTRAL, there, stored=folder / CENTRAL),
                 )
                 (stage / "bridge.conf").write_text(text, "utf-8")
             (stage / SETTINGS).write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")
@@ -136,7 +134,7 @@ def _replaced(folder: Path) -> Iterator[Path]:
         yield stage
         for path in stage.rglob("*"):
             if path.is_file():
-                path.chmod(0o644 if path.name in _PUBLIC else 0o600)
+                path.chmod(0o644 if str(path.relative_to(stage)) in _PUBLIC else 0o600)
         for part in _PARTS:
             with suppress(FileNotFoundError):
                 (folder / part).rename(stage / f"{part}.old")  # goes with the private folder

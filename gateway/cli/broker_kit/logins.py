@@ -76,17 +76,18 @@ def access_list(logins: Iterable[Login]) -> str:
     return "\n".join([_HEAD, *blocks])
 
 
-def write_logins(folder: Path, logins: Sequence[Login], stored: Iterable[Path]) -> dict[str, str]:
+def write_logins(folder: Path, logins: Sequence[Login], *, stored: Path) -> dict[str, str]:
     """Write an access list, Mosquitto's password file, and each login's password in a file of its own.
 
-    Return the passwords: of the first of the folders `stored` that has one for a login, else a new one.
+    Return the passwords: those that the folder `stored` has, else new ones.
     """
     (folder / FOLDER).mkdir(mode=0o700, parents=True)
     passwords = {}
     for login in logins:
-        files = [path for path in (each / FOLDER / login.name for each in stored) if path.exists()]
-        passwords[login.name] = password_in(files[0]) if files else secrets.token_urlsafe(_PASSWORD_BYTES)
-        (folder / FOLDER / login.name).write_text(f"{passwords[login.name]}\n", "utf-8")
+        file = stored / FOLDER / login.name
+        password = password_in(file) if file.exists() else secrets.token_urlsafe(_PASSWORD_BYTES)
+        (folder / FOLDER / login.name).write_text(f"{password}\n", "utf-8")
+        passwords[login.name] = password
     lines = (f"{password_line(name, password)}\n" for name, password in passwords.items())
     (folder / "passwords").write_text("".join(lines), "utf-8")
     (folder / "acl").write_text(access_list(logins), "utf-8")

@@ -49,22 +49,18 @@ def run(args: argparse.Namespace) -> int:
     line, starter = place_of(config, args.starter)
     language = args.language or config.gateway.language
     state_dir, profile = folder / config.gateway.state_dir, starter.profile(language)
-    published, notes = PublishedFacts({}, {}, {}), []
-    if args.no_broker:
-        notes.append(
-            "the line's quality and the starter's own counters are left out: the broker was not asked"
-        )
-    else:
+    published, why = PublishedFacts({}, {}, {}), "the broker was not asked"
+    if not args.no_broker:
         try:
             settings = settings_of(config, folder, tool="report", login=args)
-            published = asyncio.run(
-                _published(settings, Topics(config.base), line=line.name, starter=starter.name)
-            )
+            topics = Topics(config.base)
+            published = asyncio.run(_published(settings, topics, line=line.name, starter=starter.name))
+            why = ""
         except GatewayError as error:
             why = str(error).partition("\n")[0]
-            notes.append(f"the line's quality and the starter's own counters are left out: {why}")
     facts = facts_of(line, starter, profile=profile, state_dir=state_dir, published=published)
-    facts.notes += notes
+    if why:
+        facts.notes.append(f"the line's quality and the starter's own counters are left out: {why}")
     document = document_of(facts, gateway=config.gateway.name, made_s=time.time(), language=language)
     if args.html is None:
         print(to_text(document), end="")

@@ -120,7 +120,7 @@ class ReplyReader:
     """
 
     def __init__(self, profile: Profile, known: Callable[[float], Rows]) -> None:
-        self._profile = profile
+        self._sources = sources_of(profile)
         self._known = known
         self._replies: dict[str, _Replies] = {}  # by the poll's key
 
@@ -128,7 +128,7 @@ class ReplyReader:
         self, key: str, block: reading.Block, variant: Variant, words: Sequence[Any], *, at_s: float
     ) -> Said:
         """Return what a reply says."""
-        replies, sources = self._replies.get(key), sources_of(self._profile)
+        replies, sources = self._replies.get(key), self._sources
         if replies is None or replies.block is not block or replies.variant is not variant:
             replies = _Replies(block, variant, sources.plan(block))
         elif words == replies.words and replies.plan.is_complete:

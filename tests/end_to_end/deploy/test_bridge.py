@@ -14,8 +14,8 @@ from pathlib import Path
 
 import pytest
 from paho.mqtt.client import MQTTMessage
-from paho.mqtt.publish import single
 
+from gateway.client import Client
 from gateway.contract import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, KitPlace, commands
 from tests.end_to_end.site import Program
@@ -84,11 +84,6 @@ class Observed(BrokerListener):
         await until(found, f"{topic} has {wanted}", within_s)
         return found()[0]
 
-    async def identified(self, starter: str) -> None:
-        """Wait until it is known who a starter is: before that a start is refused."""
-        infos = f"starter/{starter}/info"
-        await until(lambda: any(body["firmware"] for body in self.bodies(infos)), f"{starter} is identified")
-
 
 @dataclass
 class Bridged:
@@ -113,19 +108,10 @@ class Bridged:
 
     async def local(self, verb: str) -> None:
         """Send a command at the edge, as alice, and wait for its end."""
-        id_ = f"local-{time.monotonic_ns()}"
-        token = str(self.at_edge.bodies("gateway/fresh")[-1]["token"])
-        payload = json.dumps({"id": id_, "token": token})
-        login = {
-            "username": "alice",
-            "password": (self.place.kit / "logins/alice").read_text("utf-8").strip(),
-        }
-        await asyncio.to_thread(
-            *(single, f"{BASE}/command/pump/alice/{verb}", payload, 1),
-            port=self.place.loopback_port,
-            auth=login,
-        )
-        await self.at_edge.until("result/pump/alice", id=id_, phase="confirmed")
+        url = f"mqtt://127.0.0.1:{self.place.loopback_port}"
+        password = (self.place.kit / "logins/alice").read_text("utf-8").strip()
+        alice = Client(url, base=BASE, client="alice", username="alice", password=password)
+        assert (await alice.command("pump", verb)).is_confirmed
 
 
 def install(place: KitPlace, link: Relay, authority: Path) -> None:
@@ -177,7 +163,7 @@ async def bridged(folder: Path, start_mosquitto: StartMosquitto) -> AsyncIterato
         await stack.enter_async_context(Program("gateway", "run", str(place.config)))
         site = Bridged(place, central, link, here, there, users)
         await there.until("starter/pump/state", state="ready", quality="good")
-        await there.identified("pump")
+        await there.until("starter/pump/info", firmware="1.40")  # before that a start is refused
         await there.until("gateway/status", state="online")
         yield site
 

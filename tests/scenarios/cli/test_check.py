@@ -287,7 +287,7 @@ USAGE = [
         ("send CONFIG pump start --username alice", "no password for alice"),
         *(
             (f"send CONFIG pump start expect={what}", "is not POINT:VALUE")
-            for what in ("ready", "state:", ":x", "a:b,a:c")
+            for what in ("ready", "state:", ":x", "a:b,c")
         ),
         ("scan /dev/null --baud 12345", "--baud"),
         ("scan /dev/null --framing 7E1", "--framing"),

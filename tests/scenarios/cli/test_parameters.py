@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, frames, play, row
-from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, line, operator, starter
+from tests.rig import RigPlant, ScenarioRow, frames, play, row
+from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, operator
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
 
 ENTER = "05 00 01 ff 00"  # of the SST's configuration mode
@@ -39,9 +39,6 @@ def entered_once(plant: RigPlant) -> str:
 
 SAVED = "parameters save CONFIG pump DIR/pump.toml"
 PUMP, MILL, BELT = SSW07 + ALICE, SSW900 + ALICE, SST + ALICE
-CROWD = line() + starter("pump", 1, "ssw07")
-CROWD += "".join(starter(f"f{n}", n, "ssw07", watchdog_s=2.0) for n in range(2, 17))
-CROWD += "".join(starter(f"f{n}", n, "ssw07") for n in range(17, 61)) + ALICE
 P314 = wanted("ssw07", P314=30)
 SETS = [
     *(
@@ -186,27 +183,6 @@ SETS = [
         PUMP,
         restore("pump", code=2, err="the file is of family ssw06, pump of ssw07: choose another file"),
         **wanted("ssw06", P314=3),
-    ),
-    beside(
-        "a watchdog that the line cannot keep is not restored",
-        CROWD,
-        restore("pump", code=1, out=("[watchdog_unkept]", "the shortest watchdog of pump that the line can")),
-        frames("pump"),
-        at_s=20.0,
-        absent=tuple(f"f{n}" for n in range(2, 61)),
-        **wanted("ssw07", P314=1),
-    ),
-    row(
-        "nothing is restored to a starter that is locked for maintenance",
-        given=PUMP,
-        at={3.0: command("pump/alice/lock", args={"reason": "belt is off"})},
-        then={
-            4.0: [
-                restore("pump", code=1, out="rejected: P314: locked for maintenance by alice: belt is off"),
-                frames("pump"),
-            ]
-        },
-        **P314,
     ),
     beside(
         "an operator needs the rights",

@@ -51,12 +51,6 @@ SENDING = [
         at={3.0: "pump VB01 = 0x4102"},  # ready, whatever is written to it
         then={4.0: cli(START, code=1, out=("written: being read back", "unconfirmed [not_seen]"))},
     ),
-    row(
-        "what the starter refuses has failed",
-        given=SSW07 + ALICE,
-        at={3.0: lambda plant: plant.do(lambda: plant.line_of("pump").refuse("pump", 4, functions=(5,)))},
-        then={3.5: cli(START, code=1, out="failed [server_device_failure]")},
-    ),
     beside(
         "a client without the right is refused",
         SSW07 + ALICE + BOB,
@@ -89,10 +83,6 @@ SENDING = [
             out="rejected [not_as_expected]: state is ready, but the command expects running",
         ),
         frames("pump"),
-    ),
-    beside(
-        "one that holds does not",
-        SSW07 + ALICE,
         cli(f"{START} expect=state:ready,remote:true", out="confirmed"),
     ),
     beside(
