@@ -99,9 +99,9 @@ class Polling:
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s, polled.is_overdue = at_s, False
         self.next_overdue_s = min(self.next_overdue_s, polled.overdue_s(stretch))
-        if polled.is_refused:
-            self._whole_at_s = at_s + WHOLE_AFTER_S
         if polled.refusals:
+            if polled.is_refused:
+                self._whole_at_s = at_s + WHOLE_AFTER_S
             polled.refusals = 0
             self._keep_pace()
         if at_s >= self._whole_at_s:

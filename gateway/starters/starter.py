@@ -251,8 +251,9 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        is_other = self.identity_standing is IdentityStatus.MISMATCHED
-        if not is_other and not setting_codes(self.profile).isdisjoint(rows):
+        if setting_codes(self.profile).isdisjoint(rows):
+            return
+        if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.watchdogs.note(self.setup.name, rows)
 
     def _known_rows(self, at_s: float) -> Rows:

@@ -34,7 +34,8 @@ class ReplyPlan(NamedTuple):
     """How the replies to one poll are read."""
 
     rows: tuple[tuple[int, int, str], ...]  # begin and end of their words, and the code; of aliases, too
-    is_complete: bool  # no point of these rows needs another one
+    fed: tuple[str, ...]  # the points that depend on these rows
+    is_complete: bool  # none of these needs another row
 
 
 class PointSources:
@@ -53,10 +54,14 @@ class PointSources:
         """Return the points that depend on one of these rows."""
         return self._fed_by(frozenset(codes))
 
-    def decode(self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS) -> Said:
-        """Return what freshly read rows say, together with `known` ones."""
-        fed, decoders = self.fed_by(rows), self._decoders(variant)
+    def decode(
+        self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS, fed: Iterable[str] | None = None
+    ) -> Said:
+        """Return what freshly read rows say together with `known` ones; `fed`: their points, where known."""
+        decoders = self._decoders(variant)
+        fed = self.fed_by(rows) if fed is None else fed
         points, several = {}, list[str]()  # of one row each, and of several
+        missing: tuple[str, ...] = ()
         for name in fed:
             if name in decoders:
                 code, decoded = decoders[name]
@@ -66,7 +71,8 @@ class PointSources:
         if several:
             found = decode.decode_points(self._profile, variant, {**known, **rows}, names=several)
             points |= {name: _reading(new) for name, new in found.items() if name in fed}
-        return Said(rows, points, tuple(name for name in several if name not in points))
+            missing = tuple(name for name in several if name not in points)
+        return Said(rows, points, missing)
 
     def _find_fed(self, codes: frozenset[str]) -> tuple[str, ...]:
         return tuple(name for name, sources in self._codes_of.items() if not codes.isdisjoint(sources))
@@ -78,7 +84,8 @@ class PointSources:
             for same in self._profile.rows_at[row.table, row.address]
         )
         codes = frozenset(code for _, _, code in rows)
-        return ReplyPlan(rows, all(self._codes_of[name] <= codes for name in self.fed_by(codes)))
+        fed = self.fed_by(codes)
+        return ReplyPlan(rows, fed, all(self._codes_of[name] <= codes for name in fed))
 
     def _make_decoders(self, variant: Variant) -> Decoders:
         """Return the row and the decoder of each point that is decoded from one row."""
@@ -135,7 +142,7 @@ class ReplyReader:
             return replies.said
         rows = {code: tuple(map(int, words[begin:end])) for begin, end, code in replies.plan.rows}
         known = NO_ROWS if replies.plan.is_complete else self._known(at_s)
-        said = sources.decode(variant, rows, known=known)
+        said = sources.decode(variant, rows, fed=replies.plan.fed, known=known)
         self._replies[key] = replies._replace(words=words, said=said)
         return said
 
