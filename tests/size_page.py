@@ -17,7 +17,6 @@ from pathlib import Path
 from tests import words
 from tests.lab.bench.calls import line_calls, publication_calls
 from tests.lab.bench.command_way import start_command
-from tests.virtual_time import run_virtually
 
 ROOT = Path(__file__).parents[1]
 CODE = ROOT / "gateway"
@@ -225,7 +224,7 @@ def size_rows() -> list[Row]:
 def way_rows() -> list[Row]:
     """Return how many files and calls the two ways take; some seconds."""
     publication = publication_calls()
-    command = run_virtually(start_command())
+    command = start_command()
     line, _ = line_calls()
     up = f"{len(publication.files)}; {publication.calls}"
     return [
