@@ -33,7 +33,7 @@ def poll(key: str, unit: int = 1, every_s: float = 1.0, count: int = 2) -> Poll:
 
 
 @dataclass(frozen=True)
-class Says:
+class InPlace:
     """Something else comes in the place of a reply."""
 
     frame: bytes
