@@ -113,17 +113,6 @@ OFFLINE = [
         },
     ),
     row(
-        "one silent starter of eight takes nothing from the others: each is asked as before",
-        given=EIGHT,
-        at={10.0: fault("silent", "pump-3")},
-        then={
-            90.0: [
-                asked_within(1.3, *(f"pump-{n}" for n in (1, 2, 4, 5, 6, 7, 8)), since=12.0, until=90.0),
-                clean_line,
-            ]
-        },
-    ),
-    row(
         "six silent starters of eight leave the two others their rhythm",
         given=EIGHT,
         at={10.0: [fault("silent", f"pump-{n}") for n in range(3, 9)]},
@@ -160,14 +149,6 @@ OFFLINE = [
         then={6.0: msg("starter/fan/availability", state="online")},
     ),
     row(
-        "a starter that is removed is not asked again",
-        given=TWO,
-        at={5.0: reload(SSW07)},
-        then={
-            30.0: lambda p: "" if max(at_s for at_s, _ in p.starter("fan").asked) < 6.0 else "it was asked"
-        },
-    ),
-    row(
         "a read of a starter that is away ends within its own time",
         given=TWO + ALICE,
         at={5.0: fault("silent", "pump"), 20.0: command("pump/alice/read", args={"parameter": "P202"})},
@@ -176,24 +157,6 @@ OFFLINE = [
 ]
 
 WATCHDOGS = [
-    row(
-        "eight starters with watchdogs of 3 s are asked in time, though their periods are longer",
-        given=WATCHED,
-        then={
-            60.0: [asked_within(3.0, since=1.0, until=60.0), never("gateway/event", code="watchdog_unkept")]
-        },
-    ),
-    row(
-        "reads and settings of every client do not keep a watchdog waiting",
-        given=WATCHED + ALICE,
-        at={
-            second / 2: [
-                command(f"pump-{n}/alice/read", args={"parameter": "P202"}) for n in (second % 8 + 1, 1)
-            ]
-            for second in range(8, 60)
-        },
-        then={40.0: asked_within(3.0, since=1.0, until=40.0)},
-    ),
     row(
         "watchdogs do not act where a twentieth of the replies is lost",
         given=WATCHED,
