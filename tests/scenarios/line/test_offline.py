@@ -25,7 +25,15 @@ from tests.rig import (
 )
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, SSW07, line, starter
-from tests.scenarios.line.wires import EIGHT, TWO, asked_within, healed, impaired, true_values
+from tests.scenarios.line.wires import (
+    EIGHT,
+    TWO,
+    asked_within,
+    healed,
+    impaired,
+    requests_on_wires,
+    true_values,
+)
 
 WATCHED = EIGHT.replace("every_s = 1.0", "every_s = 5.0\nwatchdog_s = 3.0")
 CLOSE = (
@@ -42,13 +50,7 @@ def probed(name: str, since: float, until: float, least_s: float, most_s: float)
     """The requests to a starter on the wires are as far apart, each of them."""
 
     def check(plant: RigPlant) -> str:
-        address = plant.starter(name).unit.address
-        found = [
-            frame.start_s - 1000.0
-            for frame in plant.lines["pumps"].bus.transcript
-            if frame.sender == 0 and frame.data[0] == address
-        ]
-        found = [at_s for at_s in found if since <= at_s <= until]
+        found = [at_s for at_s, _ in requests_on_wires(plant, name, since) if at_s <= until]
         apart = [after - before for before, after in itertools.pairwise(found)]
         is_right = len(apart) > 1 and least_s <= min(apart) and max(apart) <= most_s
         return "" if is_right else f"{name} was asked every {[round(each, 2) for each in apart]} s"
