@@ -24,7 +24,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, FOUR, SSW07, line, starter
+from tests.rig.sites import ALICE, FOUR, SSW07
 from tests.scenarios.line.wires import (
     EIGHT,
     TWO,
@@ -36,13 +36,6 @@ from tests.scenarios.line.wires import (
 )
 
 WATCHED = EIGHT.replace("every_s = 1.0", "every_s = 5.0\nwatchdog_s = 3.0")
-CLOSE = (
-    line(baud=9600)
-    + starter("pump-1", 1, "ssw07", every_s=5.0)
-    + "".join(  # no room for one second more
-        starter(f"fan-{n}", n, "ssw07", every_s=5.0, watchdog_s=1.0) for n in range(2, 7)
-    )
-)
 FULL = EIGHT.replace("baud = 19200", "baud = 9600").replace("every_s = 1.0", "every_s = 0.2")
 
 
@@ -145,12 +138,6 @@ OFFLINE = [
         },
     ),
     row(
-        "a starter that is added later is asked at once",
-        given=SSW07,
-        at={5.0: reload(TWO)},
-        then={6.0: msg("starter/fan/availability", state="online")},
-    ),
-    row(
         "a read of a starter that is away ends within its own time",
         given=TWO + ALICE,
         at={5.0: fault("silent", "pump"), 20.0: command("pump/alice/read", args={"parameter": "P202"})},
@@ -182,12 +169,6 @@ WATCHDOGS = [
         given=SSW07.replace("every_s = 1.0", "every_s = 20.0") + ALICE,
         at={5.0: command("pump/alice/set", args={"parameter": "P314", "value": 3})},
         then={60.0: [result("set confirmed ok"), asked_within(3.0, "pump", since=6.0, until=60.0)]},
-    ),
-    row(
-        "a watchdog that the line cannot keep is refused before it is written",
-        given=CLOSE + ALICE,
-        at={10.0: command("pump-1/alice/set", args={"parameter": "P314", "value": 1})},
-        then={16.0: [result("set rejected watchdog_unkept"), frames("pump-1")]},
     ),
     row(
         "a watchdog that was left for too long is an event",
