@@ -20,7 +20,7 @@ from playwright.async_api import Page, async_playwright
 
 from tests.end_to_end.page.support import CHROMIUM
 from tests.end_to_end.site import Program
-from tests.screenshots import FOLDER, visitor
+from tests.screenshots import FOLDER, png_of, visitor
 
 FILE = FOLDER / "demo.png"
 MOST_BYTES = 1_000_000
@@ -105,11 +105,7 @@ class Film:
             kind, before = (b"IDAT", b"") if index == 0 else (b"fdAT", struct.pack(">I", number + 1))
             chunks.append((kind, before + pixels))
             number += 1 if index == 0 else 2
-        parts = [
-            struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
-            for kind, content in [*chunks, (b"IEND", b"")]
-        ]
-        return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
+        return png_of(chunks)
 
     async def _frame(self) -> None:
         shot = base64.b64encode(await self._page.screenshot()).decode()
@@ -131,12 +127,8 @@ async def acted(film: Film, typed: str, config: str, port: str) -> None:
     film.terminal += f"$ {typed}\n"
     words = shlex.split(typed, comments=True)
     if words[0] == "starter-gateway":
-        words = [
-            sys.executable,
-            "-m",
-            "gateway",
-            *(config if word == "demo.toml" else word for word in words[1:]),
-        ]
+        arguments = (config if word == "demo.toml" else word for word in words[1:])
+        words = [sys.executable, "-m", "gateway", *arguments]
     else:
         words[1:1] = ["-p", port]
     process = await asyncio.create_subprocess_exec(*words, stdout=asyncio.subprocess.PIPE)

@@ -14,7 +14,7 @@ import struct
 import sys
 import tempfile
 import zlib
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Iterable
 from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -130,12 +130,17 @@ def squeezed(png: bytes) -> bytes:
         elif kind in (b"IHDR", b"PLTE", b"tRNS"):
             chunks.append((kind, content))
         at += size + 12
-    chunks += [(b"IDAT", zlib.compress(zlib.decompress(pixels), 9)), (b"IEND", b"")]
-    parts = [png[:8]]
-    for kind, content in chunks:
-        crc = zlib.crc32(kind + content)
-        parts.append(struct.pack(">I", len(content)) + kind + content + struct.pack(">I", crc))
-    return min(png, b"".join(parts), key=len)
+    chunks.append((b"IDAT", zlib.compress(zlib.decompress(pixels), 9)))
+    return min(png, png_of(chunks), key=len)
+
+
+def png_of(chunks: Iterable[tuple[bytes, bytes]]) -> bytes:
+    """Return a PNG of these chunks: kind and content, all but the last, which has none."""
+    parts = [
+        struct.pack(">I", len(content)) + kind + content + struct.pack(">I", zlib.crc32(kind + content))
+        for kind, content in (*chunks, (b"IEND", b""))
+    ]
+    return b"\x89PNG\r\n\x1a\n" + b"".join(parts)
 
 
 def main() -> None:

@@ -17,7 +17,6 @@ from pathlib import Path
 from tests import words
 from tests.lab.bench.calls import line_calls, publication_calls
 from tests.lab.bench.command_way import start_command
-from tests.virtual_time import run_virtually
 
 ROOT = Path(__file__).parents[1]
 CODE = ROOT / "gateway"
@@ -43,16 +42,9 @@ BUDGETS = {  # code lines; a room that is not named is to go
     "cli": 3500,
     "sim": 2500,
 }
-DOORS = (
-    "config",
-    "modbus",
-    "contract",
-    "starters",
-    "store",
-    "line",
-    "mqtt",
-    "families",
-)  # to be imported by their `__init__` alone
+# Rooms that are to be imported by their `__init__` alone.
+DOORS = ("config", "modbus", "contract", "starters", "store", "line", "mqtt", "families")
+EMPTY = {getattr(tokenize, name) for name in ("NL", "NEWLINE", "INDENT", "DEDENT", "ENDMARKER", "COMMENT")}
 _DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
 Row = tuple[str, str, str]  # what, measured, to reach
@@ -71,26 +63,15 @@ def room_of(path: Path) -> str:
 
 def code_lines(path: Path) -> int:
     """Return how many code lines a module has."""
-    text, lines = path.read_text("utf-8"), set()
-    empty = (
-        tokenize.NL,
-        tokenize.NEWLINE,
-        tokenize.INDENT,
-        tokenize.DEDENT,
-        tokenize.ENDMARKER,
-        tokenize.COMMENT,
-    )
-    for token in tokenize.generate_tokens(io.StringIO(text).readline):
-        if token.type not in empty:
+    lines: set[int] = set()
+    for token in tokenize.generate_tokens(io.StringIO(path.read_text("utf-8")).readline):
+        if token.type not in EMPTY:
             lines.update(range(token.start[0], token.end[0] + 1))
-    for node in ast.walk(ast.parse(text)):
-        first: ast.AST | None = None
-        if isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
-            first = node.body[0]
-        elif isinstance(node, ast.Import | ast.ImportFrom):
-            first = node
-        if first is not None:
-            lines -= set(range(first.lineno, (first.end_lineno or first.lineno) + 1))  # type: ignore[attr-defined]
+    for node in ast.walk(_tree(path)):
+        if isinstance(node, ast.Import | ast.ImportFrom):
+            lines.difference_update(range(node.lineno, node.end_lineno + 1))
+        elif isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
+            lines.difference_update(range(node.body[0].lineno, node.body[0].end_lineno + 1))
     return len(lines)
 
 
@@ -151,23 +132,18 @@ def imports_across_rooms() -> dict[str, tuple[int, int]]:
     """Return for each room with a front door how often others import it by that, and how often past it."""
     found = dict.fromkeys(DOORS, (0, 0))
     for path in CODE.rglob("*.py"):
-        for node in ast.walk(_tree(path)):
-            parts = (node.module or "").split(".") if isinstance(node, ast.ImportFrom) else []
-            if (
-                parts[:1] == ["gateway"]
-                and len(parts) > 1
-                and parts[1] in found
-                and parts[1] != room_of(path)
-            ):
-                front, past = found[parts[1]]
-                found[parts[1]] = (front + (len(parts) == 2), past + (len(parts) > 2))
+        for node in _imports(path):
+            top, _, module = str(node.module).partition(".")
+            room, _, inner = module.partition(".")
+            if top == "gateway" and room in found and room != room_of(path):
+                front, past = found[room]
+                found[room] = (front + (not inner), past + bool(inner))
     return found
 
 
 def door_names(room: str) -> list[str]:
     """Return the names that a room's front door gives."""
-    tree = _tree(CODE / room / "__init__.py")
-    imports = (node for node in tree.body if isinstance(node, ast.ImportFrom))
+    imports = _imports(CODE / room / "__init__.py")
     return [alias.asname or alias.name for node in imports for alias in node.names]
 
 
@@ -176,15 +152,14 @@ def internal_constructions() -> Counter[str]:
     own = {each.name for each in classes()}
     found: Counter[str] = Counter()
     for path in TESTS.rglob("*.py"):
-        tree = _tree(path)
         names = {
             alias.asname or alias.name: f"{node.module}.{alias.name}"
-            for node in ast.walk(tree)
-            if isinstance(node, ast.ImportFrom) and (node.module or "").split(".")[0] == "gateway"
+            for node in _imports(path)
+            if str(node.module).split(".")[0] == "gateway"
             for alias in node.names
             if alias.name in own
         }
-        for node in ast.walk(tree):
+        for node in ast.walk(_tree(path)):
             if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id in names:
                 found[names[node.func.id]] += 1
     return found
@@ -225,7 +200,7 @@ def size_rows() -> list[Row]:
 def way_rows() -> list[Row]:
     """Return how many files and calls the two ways take; some seconds."""
     publication = publication_calls()
-    command = run_virtually(start_command())
+    command = start_command()
     line, _ = line_calls()
     up = f"{len(publication.files)}; {publication.calls}"
     return [
@@ -251,6 +226,10 @@ def main() -> None:
 @cache
 def _tree(path: Path) -> ast.Module:
     return ast.parse(path.read_text("utf-8"))
+
+
+def _imports(path: Path) -> Iterator[ast.ImportFrom]:
+    return (node for node in ast.walk(_tree(path)) if isinstance(node, ast.ImportFrom))
 
 
 def _lines(path: Path) -> int:

@@ -7,15 +7,33 @@ import os
 import re
 import shutil
 import signal
-from collections.abc import Mapping
+from collections.abc import AsyncIterator, Callable, Mapping
+from contextlib import asynccontextmanager
 from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.demo_site import demo
+from tests.end_to_end.plant import STARTERS
+from tests.end_to_end.site import Program, Scada
 from tests.mosquitto import _find, missing_programs
 
 pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
+
+
+@asynccontextmanager
+async def demo(environ: Mapping[str, str], on_guide: Callable[[str], None]) -> AsyncIterator[Scada]:
+    """Run the demo and wait until all four starters are ready; `on_guide` gets what it has printed."""
+    async with Program("gateway", "demo", environ=environ) as program:
+        await program.says("others    simulator/")
+        port = re.search(r"on 127\.0\.0\.1:(\d+)", program.output)
+        assert port is not None
+        on_guide(program.output)
+        async with Scada(int(port[1]), base="starters/demo", client="demo") as scada:
+            for starter in STARTERS:
+                await scada.ready(starter)
+            yield scada
+        program.signal(signal.SIGINT)
+        assert await program.exit_code() == 0
 
 
 @pytest.mark.parametrize("has_mosquitto", [True, False], ids=["Mosquitto", "the embedded broker"])
@@ -30,7 +48,7 @@ async def test_every_command_of_the_guide_works_when_it_is_pasted(
     environ = {"PATH": str(tools)}
     guides: list[str] = []
 
-    async with demo(environ=environ, on_guide=guides.append) as scada:
+    async with demo(environ, guides.append) as scada:
         guide = guides[0].split("Paste these into another terminal:")[1]
         watching, *rest = [part.strip() for part in re.split(r"(?m)^#.*$", guide)[1:]]
         watcher = await pasted(watching, environ, tmp_path)

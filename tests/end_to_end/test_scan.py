@@ -1,49 +1,14 @@
-"""`scan` as a process on ports that no process, a simulator or another program serves."""
+"""`scan` as a process; a port that another program holds: `tests/line/test_serial_port_opening.py`."""
 
 from __future__ import annotations
 
 import asyncio
-import fcntl
-import os
-import re
-import sys
-import tty
-from collections.abc import AsyncIterator, Iterator
-from contextlib import asynccontextmanager, contextmanager, suppress
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
+
+from tests.end_to_end.site import Program
 
 ALL_SETTINGS = 24
-
-
-async def scanned(port: str, *options: str) -> tuple[int, str, str]:
-    """Run `scan` to its end and return its exit code, its output and its messages."""
-    process = await asyncio.create_subprocess_exec(
-        sys.executable,
-        "-m",
-        "gateway",
-        "scan",
-        port,
-        "--reply-within",
-        "0.005",
-        *options,
-        stdin=asyncio.subprocess.DEVNULL,
-        stdout=asyncio.subprocess.PIPE,
-        stderr=asyncio.subprocess.PIPE,
-    )
-    async with asyncio.timeout(60.0):
-        out, errors = await process.communicate()
-    return process.returncode or 0, out.decode(), errors.decode()
-
-
-@contextmanager
-def silent_tty() -> Iterator[str]:
-    """Give the path of a port where no device answers."""
-    ours, theirs = os.openpty()
-    tty.setraw(theirs)
-    try:
-        yield os.ttyname(theirs)
-    finally:
-        os.close(ours)
-        os.close(theirs)
 
 
 @asynccontextmanager
@@ -76,18 +41,9 @@ async def serial_server() -> AsyncIterator[tuple[str, list[int]]]:
 
 async def test_every_setting_behind_a_serial_server_for_one_client_is_tried() -> None:
     async with serial_server() as (url, received):
-        code, _, errors = await scanned(url, "--address", "7")
+        options = ("--reply-within", "0.005", "--address", "7")
+        async with Program("gateway", "scan", url, *options) as scan:
+            code = await scan.exit_code(within_s=60.0)
 
-    assert (code, "no starter was found" in errors) == (1, True)
+    assert (code, "no starter was found" in scan.output) == (1, True)
     assert sum(received) == 8 * ALL_SETTINGS
-
-
-async def test_a_port_that_another_program_holds_is_named_as_busy_in_one_line() -> None:
-    with silent_tty() as port:
-        held = os.open(port, os.O_RDWR | os.O_NOCTTY)
-        fcntl.flock(held, fcntl.LOCK_EX)
-        code, _, errors = await scanned(port, "--address", "1")
-        os.close(held)
-
-    assert code == 1
-    assert re.fullmatch(rf"starter-gateway: port {port}: busy \(.*\)\n", errors)

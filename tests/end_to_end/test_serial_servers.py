@@ -9,7 +9,6 @@ from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from contextlib import AsyncExitStack, asynccontextmanager
 from pathlib import Path
 
-from pymodbus import ModbusDeviceIdentification
 from pymodbus.framer import FramerType
 from pymodbus.server import ModbusTcpServer
 from pymodbus.simulator import DataType, SimData, SimDevice
@@ -88,13 +87,11 @@ async def box(device: Path, send: Send) -> AsyncIterator[str]:
 
 
 @asynccontextmanager
-async def foreign_server(framer: FramerType, cells: list[SimData]) -> AsyncIterator[str]:
-    """Run a server of another project behind a TCP port; give the URL of a serial server there."""
+async def modbus_tcp_server() -> AsyncIterator[str]:
+    """Run another project's server of Modbus TCP; give the URL of a serial server there."""
     port = free_port()
-    name = ModbusDeviceIdentification(
-        info_name={"VendorName": "WEG", "ProductCode": "SSW-07 85.0A", "MajorMinorRevision": "1.40"}
-    )
-    server = ModbusTcpServer(SimDevice(1, cells), framer=framer, identity=name, address=("127.0.0.1", port))
+    zeros = SimDevice(1, [SimData(0, values=0, count=6000, datatype=DataType.REGISTERS)])
+    server = ModbusTcpServer(zeros, framer=FramerType.SOCKET, address=("127.0.0.1", port))
     await server.serve_forever(background=True)
     try:
         yield f"socket://127.0.0.1:{port}"
@@ -118,8 +115,7 @@ async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_
         urls = {
             name: await stack.enter_async_context(box(devices[name], send)) for name, send in ways.items()
         }
-        zeros = [SimData(0, values=0, count=6000, datatype=DataType.REGISTERS)]
-        urls["wrong"] = await stack.enter_async_context(foreign_server(FramerType.SOCKET, zeros))
+        urls["wrong"] = await stack.enter_async_context(modbus_tcp_server())
         # The gateway is not informed of what the box `unsaid` adds.
         config = write_config(tmp_path, lines(broker, urls, unsaid=0.0))
         scada = await stack.enter_async_context(Scada(broker.port))
@@ -138,27 +134,3 @@ async def test_a_box_that_packs_or_leaves_gaps_costs_time_and_one_of_modbus_tcp_
     answered = {name for name, line in found.items() if line["answered"]}
     assert answered == {"clear", "packed", "gaps"}
     assert found["packed"]["units"]["1"]["response_time_s"]["p50"] > PACKING_S
-
-
-# ready, general enabled, remote, supplied; P001-P003; P014; all other registers of the family
-WORDS = dict.fromkeys((5, 6, 7, 11, 14, 30, 31, 32, 50, 81), 0) | {1: 300, 2: 500, 3: 400, 5001: 0x4102}
-
-
-async def test_the_values_of_another_projects_server_are_published_as_they_are(
-    start_mosquitto: StartMosquitto, tmp_path: Path
-) -> None:
-    broker = start_mosquitto()
-    cells = [SimData(at, values=word, datatype=DataType.REGISTERS) for at, word in sorted(WORDS.items())]
-    async with (
-        foreign_server(FramerType.RTU, cells) as url,
-        Scada(broker.port) as scada,
-    ):
-        config = write_config(tmp_path, lines(broker, {"pump": url}))
-        async with Program("gateway", "run", str(config)):
-            state = await scada.until("starter/pump-1/state", quality="good")
-            current = await scada.until("starter/pump-1/value/current", quality="good")
-            current_pct = await scada.until("starter/pump-1/value/current_pct", quality="good")
-
-    assert state["state"] == "ready"
-    assert (current["value"], current["unit"]) == (40.0, "A")
-    assert (current_pct["value"], current_pct["unit"]) == (50.0, "%")

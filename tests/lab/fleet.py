@@ -17,8 +17,8 @@ import tempfile
 import time
 import uuid
 from collections import Counter
-from collections.abc import Mapping
-from contextlib import AsyncExitStack
+from collections.abc import Iterator, Mapping
+from contextlib import AsyncExitStack, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -89,14 +89,19 @@ def main() -> int:
         print(f"not installed: {', '.join(absent)} (apt-get install mosquitto mosquitto-clients)")
         return 2
     print(f"{os.cpu_count()} processors, load before {os.getloadavg()[0]:.2f}", flush=True)
-    with tempfile.TemporaryDirectory(prefix="fleet-") as folder:
-        broker = MosquittoBroker(Path(folder) / "broker", options=QUIET)
-        broker.start()
-        try:
-            confirmed = asyncio.run(run(args, Path(folder), broker))
-        finally:
-            broker.kill()
+    with tempfile.TemporaryDirectory(prefix="fleet-") as folder, running_broker(Path(folder) / "b") as broker:
+        confirmed = asyncio.run(run(args, Path(folder), broker))
     return 0 if confirmed == args.gateways * args.starters else 1
+
+
+@contextmanager
+def running_broker(folder: Path) -> Iterator[MosquittoBroker]:
+    broker = MosquittoBroker(folder, options=QUIET)
+    broker.start()
+    try:
+        yield broker
+    finally:
+        broker.kill()
 
 
 async def run(args: argparse.Namespace, folder: Path, broker: MosquittoBroker) -> int:
@@ -151,9 +156,13 @@ async def span(
     seen: FleetListener, name: str, args: argparse.Namespace, pids: Mapping[str, list[int]]
 ) -> None:
     """Let the time of a span pass, and print what was published and used in it."""
-    before, first = used(pids), len(seen.taken)
+
+    def used() -> dict[str, Usage]:
+        return {kind: sum(map(usage, each), Usage(0.0, 0)) for kind, each in pids.items()}
+
+    before, first = used(), len(seen.taken)
     await asyncio.sleep(args.seconds)
-    found, after = seen.taken[first:], used(pids)
+    found, after = seen.taken[first:], used()
     per_s = 1 / args.seconds / args.gateways
     size = sum(size for *_, size in found) * per_s / 1000
     rate = f"{len(found) * per_s:.1f} messages/s and {size:.1f} kB/s a gateway"
@@ -163,11 +172,6 @@ async def span(
     for kind, now in after.items():
         share = (now.cpu_s - before[kind].cpu_s) / args.seconds
         print(f"    {kind:10} {share:6.1%} of a processor, {now.rss_kib / 1024:7.1f} MiB", flush=True)
-
-
-def used(pids: Mapping[str, list[int]]) -> dict[str, Usage]:
-    """Return by kind of process what they have used."""
-    return {kind: sum(map(usage, each), Usage(0.0, 0)) for kind, each in pids.items()}
 
 
 def kind_of(topic: str) -> str:
@@ -200,9 +204,7 @@ def print_retained(own: Mapping[str, bytes]) -> None:
 
 def fill(folder: Path, own: Mapping[str, bytes], gateways: int) -> None:
     """Publish one gateway's retained messages for so many, and print what they cost a broker."""
-    broker = MosquittoBroker(folder, options=QUIET)
-    broker.start()
-    try:
+    with running_broker(folder) as broker:
         before, begun_s = usage(broker.pid), time.monotonic()
         client = paho.Client(CallbackAPIVersion.VERSION2)
         client.max_inflight_messages_set(MOST_WAITING)
@@ -216,8 +218,6 @@ def fill(folder: Path, own: Mapping[str, bytes], gateways: int) -> None:
         seconds, after, topics = time.monotonic() - begun_s, usage(broker.pid), gateways * len(own)
         client.disconnect()
         client.loop_stop()
-    finally:
-        broker.kill()
     us, kib = (after.cpu_s - before.cpu_s) / topics * 1e6, (after.rss_kib - before.rss_kib) / topics
     print(f"{topics} retained topics in {seconds:.1f} s: {us:.0f} us of the broker, {kib:.2f} KiB each")
 

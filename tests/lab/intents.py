@@ -15,10 +15,11 @@ import asyncio
 import os
 import tempfile
 import time
+from math import inf
 from pathlib import Path
 
 from gateway.contract import Phase, Quality, ResultRecord, ValueRecord
-from gateway.mqtt.message import Message, message_of
+from gateway.mqtt.message import message_of
 from gateway.mqtt.outbox.disk_sync import DiskSync
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.store import Journal, OutboxTable, StateStore
@@ -33,33 +34,18 @@ FILL_PER_S = 6000  # values, at most, while the backlog is being made
 SETTLE_S = 3.0
 
 
-class Pouring:
-    """Values that replace each other while the broker is away."""
-
-    def __init__(self, outbox: Outbox, clock: SystemClock) -> None:
-        self._outbox = outbox
-        self._clock = clock
-        self.count = 0
-
-    def put(self, count: int) -> None:
-        """Put so many."""
-        for _ in range(count):
-            self.count += 1
-            self._outbox.put(self._message(), self._clock.now_s())
-
-    def _message(self) -> Message:
-        number = self.count % TOPICS
-        record = ValueRecord(
-            starter=f"starter-{number // 3}",
-            point=("current", "voltage", "thermal_level")[number % 3],
-            value=self.count / 7,
-            unit="A",
-            quality=Quality.GOOD,
-            time_s=self._clock.utc_s(),
-            seq=self.count,
-            boot="0123456789ab",
-        )
-        return message_of(record, "starters/bench")
+async def pour(outbox: Outbox, clock: SystemClock, per_s: float, until: float = inf) -> None:
+    """Put values that replace each other, up to so many."""
+    begun_s, count = time.monotonic(), 0
+    while count < until:
+        await asyncio.sleep(TICK_S)
+        while count < min((time.monotonic() - begun_s) * per_s, until):
+            count += 1
+            record = ValueRecord(
+                starter=f"starter-{count % TOPICS}", point="current", value=count / 7, unit="A",
+                quality=Quality.GOOD, time_s=clock.utc_s(), seq=count, boot="0123456789ab",
+            )  # fmt: skip
+            outbox.put(message_of(record, "starters/bench"), clock.now_s())
 
 
 def main() -> None:
@@ -91,38 +77,21 @@ async def _measure(folder: Path, seconds: float, rows: int) -> None:
     )
     state.start("bench", on_recalled=lambda _: None)
     running = asyncio.create_task(sync.run())
-    pouring = Pouring(outbox, clock)
-    await _fill(pouring, rows)
+    await pour(outbox, clock, FILL_PER_S, rows)
+    await asyncio.sleep(SETTLE_S)
     waiting = outbox.backlog.waiting()
     flushes: list[float] = []
-    tasks = [asyncio.create_task(_pour(pouring)), asyncio.create_task(_flush(folder / "plain", flushes))]
+    others = (pour(outbox, clock, VALUES_PER_S), _flush(folder / "plain", flushes))
+    tasks = [running, *map(asyncio.create_task, others)]
     found, late = await _intents(state.commands, seconds)
     for task in tasks:
         task.cancel()
-    running.cancel()
     now = outbox.backlog.waiting()
     print(f"backlog {waiting[:2]} -> {now[:2]} rows, bytes; load {os.getloadavg()[0]:.1f}")
     for name, times in (("intent", found), ("loop late", late), ("plain flush", flushes)):
-        parts = ", ".join(
-            f"p{part * 100:g} {quantile(times, part) * 1e3:.1f}" for part in (0.5, 0.9, 0.99, 1.0)
-        )
+        parts = ", ".join(f"p{part * 100:g} {quantile(times, part) * 1e3:.1f}" for part in PARTS)
         print(f"{name:12} {len(times):4}  {parts} ms", flush=True)
     await state.close("the bench is over")
-
-
-async def _fill(pouring: Pouring, rows: int) -> None:
-    while pouring.count < rows:
-        pouring.put(100)
-        await asyncio.sleep(100 / FILL_PER_S)
-    await asyncio.sleep(SETTLE_S)
-
-
-async def _pour(pouring: Pouring) -> None:
-    begun_s, before = time.monotonic(), pouring.count
-    while True:
-        due = int((time.monotonic() - begun_s) * VALUES_PER_S) - (pouring.count - before)
-        pouring.put(due)
-        await asyncio.sleep(TICK_S)
 
 
 async def _flush(path: Path, found: list[float]) -> None:

@@ -14,7 +14,9 @@ import json
 import os
 import time
 from collections import Counter
+from collections.abc import Callable
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 
 import paho.mqtt.client as paho
@@ -22,7 +24,6 @@ import paho.mqtt.client as paho
 from tests.lab.bench.account import SeenRequest
 from tests.lab.bench.judge import Spec
 from tests.lab.bench.plant import BASE, BenchSite, bench_site, operate
-from tests.lab.usage import usage
 from tests.listener import BrokerListener
 
 QUIET_S = 10.0  # without a message of the history, the outage is drained
@@ -96,15 +97,17 @@ def main() -> None:
     print(f"load before: {os.getloadavg()[0]:.2f}", flush=True)
     with bench_site(spec, is_persistent=True) as site:
         listener = OutageListener(site.broker_port)
-        phases = [_phase(site, "start", 10.0 + 0.35 * args.units)]
-        phases.append(_phase(site, "connected", args.connected))
+        stops = partial(operate, site.broker_port, spec, seconds=args.stops * STOP_EVERY_S, stops=args.stops)
+        phases = [_phase(site, "start", _after(10.0 + 0.35 * args.units))]
+        phases.append(_phase(site, "connected", _after(args.connected)))
         if args.stops:
-            phases.append(_phase(site, "stops", args.stops * STOP_EVERY_S, spec=spec, stops=args.stops))
+            phases.append(_phase(site, "stops", _after(args.stops * STOP_EVERY_S), stops))
         if args.away:
             phases += _outage(site, listener, args.away)
-        phases.append(_phase(site, "after", min(args.connected, 30.0)))
+        phases.append(_phase(site, "after", _after(min(args.connected, 30.0))))
         listener.stop()
-        folder = sorted((path.name, path.stat().st_size) for path in _files(site.folder / "state"))
+        files = (path for path in (site.folder / "state").rglob("*") if path.is_file())
+        folder = sorted((path.name, path.stat().st_size) for path in files)
         seen = site.judge.seen()
     print(f"load after: {os.getloadavg()[0]:.2f}")
     for phase in phases:
@@ -117,57 +120,41 @@ def main() -> None:
 
 
 def _outage(site: BenchSite, listener: OutageListener, away_s: float) -> list[Phase]:
-    site.broker.stop()
-    away = _phase(site, "away", away_s)
-    site.broker.start()
-    drain = _begin(site, "drain")
-    begun_s = time.monotonic()
-    while time.monotonic() < begun_s + DRAIN_WITHIN_S:
-        _look(site, drain)
-        if time.monotonic() > max(listener.history_s, begun_s + 20.0) + QUIET_S:
-            break
-    drained_s = listener.history_s - listener.first_s
-    print(f"history came for {drained_s:.0f} s, from {listener.first_s - begun_s:.1f} s after the return on")
-    return [away, _end(site, drain)]
+    def is_drained(from_s: float) -> bool:
+        quiet_s = max(listener.history_s, from_s + 20.0) + QUIET_S
+        return time.monotonic() > min(quiet_s, from_s + DRAIN_WITHIN_S)
+
+    away = _phase(site, "away", _after(away_s), site.broker.stop)
+    drain = _phase(site, "drain", is_drained, site.broker.start)
+    drained_s, first_s = listener.history_s - listener.first_s, listener.first_s - drain.from_s
+    print(f"history came for {drained_s:.0f} s, from {first_s:.1f} s after the return on")
+    return [away, drain]
 
 
-def _phase(site: BenchSite, name: str, seconds: float, *, spec: Spec | None = None, stops: int = 0) -> Phase:
-    phase = _begin(site, name)
-    if spec is not None:
-        operate(site.broker_port, spec, seconds=seconds, stops=stops)
-    while time.monotonic() < phase.from_s + seconds:
-        _look(site, phase)
-    return _end(site, phase)
-
-
-def _begin(site: BenchSite, name: str) -> Phase:
-    used = usage(site.process.pid)
-    written = _written(site.process.pid)
-    return Phase(name, time.monotonic(), cpu_s=used.cpu_s, written=written, rss_kib=[used.rss_kib])
-
-
-def _look(site: BenchSite, phase: Phase) -> None:
-    time.sleep(LOOK_EVERY_S)
-    phase.rss_kib.append(site.process.used().rss_kib)
-
-
-def _end(site: BenchSite, phase: Phase) -> Phase:
-    used = usage(site.process.pid)
+def _phase(
+    site: BenchSite, name: str, is_over: Callable[[float], bool], do: Callable[[], object] = lambda: None
+) -> Phase:
+    """Do something, and look at the process every second until the phase is over, given when it began."""
+    used, written = site.process.used(), _written(site.process.pid)
+    phase = Phase(name, time.monotonic(), rss_kib=[used.rss_kib])
+    do()
+    while not is_over(phase.from_s):
+        time.sleep(LOOK_EVERY_S)
+        phase.rss_kib.append(site.process.used().rss_kib)
     phase.to_s = time.monotonic()
-    phase.cpu_s = used.cpu_s - phase.cpu_s
-    phase.written = _written(site.process.pid) - phase.written
-    phase.rss_kib.append(used.rss_kib)
+    phase.cpu_s = site.process.used().cpu_s - used.cpu_s
+    phase.written = _written(site.process.pid) - written
     print(f"{phase.name} is over", flush=True)
     return phase
+
+
+def _after(seconds: float) -> Callable[[float], bool]:
+    return lambda from_s: time.monotonic() >= from_s + seconds
 
 
 def _written(pid: int) -> int:
     lines = Path(f"/proc/{pid}/io").read_text("ascii").splitlines()
     return next(int(line.split()[1]) for line in lines if line.startswith("write_bytes"))
-
-
-def _files(folder: Path) -> list[Path]:
-    return [path for path in folder.rglob("*") if path.is_file()]
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""A line in virtual time on which every transaction takes as long as given: the scheduler alone is tried."""
+"""A scheduler under test: asked step by step, or on a line where each transaction takes as long as given."""
 
 from __future__ import annotations
 
@@ -7,14 +7,39 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from math import inf
 
-from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.transaction import reply_within_s, request_wire_s
-from gateway.line.scheduler.requests import Poll, Slot
+from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
+from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import LineTiming
+from gateway.modbus.writes import WriteRegister
 
 READ = ReadHoldingRegisters(0, 1)
+WRITE = WriteRegister(1, 2)
+ANSWERED = Answered((1,), at_s=0.0, response_time_s=0.005)
+GARBLED = Garbled("bad CRC", b"\x01")
+
+
+def job(lane: Priority = Priority.COMMAND, unit: int = 1, request: Request = WRITE) -> Job:
+    return Job(unit, request, 0.01, lane, lambda outcome: None)
+
+
+class NoChance(random.Random):
+    """Leaves every phase at a whole period, every pause as it is."""
+
+    def random(self) -> float:
+        return 1.0
+
+    def uniform(self, a: float, b: float) -> float:
+        return (a + b) / 2
+
+
+def begun(*polls: Poll, chance: random.Random | None = None) -> Scheduler:
+    scheduler = Scheduler(polls, chance=chance or NoChance())
+    scheduler.polls.begin(0.0)
+    return scheduler
 
 
 def cost_s(poll: Poll, timing: LineTiming, *, allowance_s: float = 0.0) -> float:

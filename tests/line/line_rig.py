@@ -14,6 +14,7 @@ from gateway.line.client import LineClient
 from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.port.base import Port
 from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.transaction import ALLOWANCE_S
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.line.thread import LineHost
 from gateway.modbus.pdu import Request
@@ -33,7 +34,7 @@ def poll(key: str, unit: int = 1, every_s: float = 1.0, count: int = 2) -> Poll:
 
 
 @dataclass(frozen=True)
-class Says:
+class InPlace:
     """Something else comes in the place of a reply."""
 
     frame: bytes
@@ -81,6 +82,7 @@ class LineRig:
     def __init__(self, wires: Wires, *polls: Poll, has_thread: bool = False) -> None:
         self.wires = wires
         self.host = LineHost(self._note, has_thread=has_thread)
+        self.allowance_s = 1.0 if has_thread else ALLOWANCE_S  # a busy machine is no fault of the line
         self.order: list[str] = []
         self.ports: list[tuple[float, bool, str]] = []
         self.polls = 0
@@ -88,7 +90,9 @@ class LineRig:
         self.line = self.add(wires, *polls)
 
     def add(self, wires: Wires, *polls: Poll) -> LineClient:
-        return self.host.add_line(name=wires.name, opener=wires, timing=wires.timing, polls=polls)
+        return self.host.add_line(
+            name=wires.name, opener=wires, timing=wires.timing, polls=polls, allowance_s=self.allowance_s
+        )
 
     async def __aenter__(self) -> LineRig:
         await self.host.start()

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 
 from gateway.line.port.base import Port
@@ -56,10 +55,3 @@ async def read_pty(pair: Pty, size: int) -> bytes:
         loop.remove_reader(pair.master)
         received += os.read(pair.master, 4096)
     return received
-
-
-async def until(is_true: Callable[[], bool]) -> None:
-    """Let the loop run until something has come about in a thread or in the kernel."""
-    async with asyncio.timeout(10.0):
-        while not is_true():  # noqa: ASYNC110 - neither of them sets an event
-            await asyncio.sleep(0)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import random
 from collections import Counter
+from itertools import pairwise
 
 import pytest
 from hypothesis import given, settings
@@ -12,9 +13,8 @@ from hypothesis import strategies as st
 from gateway.line.scheduler.line_time import FREE_PERIOD_S, JOBS_BURST_S
 from gateway.line.scheduler.requests import Priority
 from gateway.line.scheduler.scheduler import IN_ROW
-from tests.line.ideal_line import IdealLine
+from tests.line.ideal_line import ANSWERED, READ, IdealLine, begun, job
 from tests.line.line_rig import poll
-from tests.line.scheduled import ANSWERED, READ, begun, gaps, job, take
 
 
 @pytest.mark.parametrize("every_s", [0.0, 1.0, 5.0])
@@ -49,7 +49,8 @@ def test_in_the_first_minute_of_247_starters_none_waits_longer_than_two_sweeps()
     assert {slot.poll is None for _, slot in line.slots[-100:]} == {True, False}  # jobs took half of it all
     for unit in units:
         times_s = [at_s for at_s, slot in line.slots if slot.unit == unit]
-        assert max(gaps([*times_s, 60.0])) <= 2 * len(units) * took_s + JOBS_BURST_S
+        longest_s = max(later - earlier for earlier, later in pairwise([*times_s, 60.0]))
+        assert longest_s <= 2 * len(units) * took_s + JOBS_BURST_S
 
 
 @settings(deadline=None)
@@ -72,7 +73,9 @@ def test_no_poll_starves(periods_s: list[float], jobs: list[tuple[int, Priority]
             if at == step:
                 for _ in range(count):
                     scheduler.jobs.submit(job(lane), now_s)
-        slot = take(scheduler, now_s)
+        slot = scheduler.pick(now_s)
+        if slot is not None:
+            scheduler.record(slot, ANSWERED, now_s)
         most_stretched = max(most_stretched, scheduler.polls.stretch)
         if slot is not None and slot.poll is not None:
             key = slot.poll.key
@@ -93,7 +96,7 @@ def test_stops_repeats_and_watchdogs_that_are_due_alternate_and_let_a_poll_pass(
     for unit in units:
         scheduler.polls.set_deadline(unit, 10.0)
     for _ in range(31):
-        take(scheduler, 0.0)
+        scheduler.record(scheduler.pick(0.0), ANSWERED, 0.0)
     for _ in range(40):
         scheduler.jobs.submit(job(Priority.FOLLOW_UP, unit=99, request=READ), 8.0)
 

@@ -22,8 +22,8 @@ import pytest
 
 from gateway.line.rtu.outcome import Garbled, Outcome, Silent
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
+from tests.line.ideal_line import ANSWERED, GARBLED, READ, WRITE, begun, job
 from tests.line.line_rig import poll
-from tests.line.scheduled import ANSWERED, GARBLED, READ, WRITE, begun, job
 
 OUTCOMES: dict[str, Outcome] = {
     "silent": Silent(),

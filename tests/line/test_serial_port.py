@@ -14,7 +14,8 @@ from gateway.errors import PortLostError
 from gateway.line.port import buffered
 from gateway.line.port.buffered import EarlyWakeUp
 from gateway.line.port.tty import uart_errors
-from tests.line.opened import LONG_S, Pty, opener, read, read_pty, settled, until
+from tests.line.opened import LONG_S, Pty, opener, read, read_pty, settled
+from tests.waiting import until
 
 TIOCGEXCL = 0x80045440  # [linux/asm-generic/ioctls.h]
 NO_BYTES_S = 0.0001  # too short to let the loop go on

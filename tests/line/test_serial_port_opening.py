@@ -16,8 +16,9 @@ from gateway.errors import PortError
 from gateway.line.port import opener as serial_port
 from gateway.line.port.opener import port_error
 from gateway.modbus.timing import Framing
-from tests.line.opened import LONG_S, Pty, opener, read_pty, settled, until
+from tests.line.opened import LONG_S, Pty, opener, read_pty, settled
 from tests.ordinary_user import give
+from tests.waiting import until
 
 
 async def test_reopening_waits_until_the_port_before_is_closed(pty: Pty) -> None:

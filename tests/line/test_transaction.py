@@ -18,7 +18,7 @@ from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
 from gateway.sim.bus.port import SimulatedPort
-from tests.line.line_rig import DELAY_S, READ, RESPONSE_TIME_S, TIMING, Says, Wires
+from tests.line.line_rig import DELAY_S, READ, RESPONSE_TIME_S, TIMING, InPlace, Wires
 from tests.virtual_time import run_virtually
 
 REPLY = adu.encode(1, READ.encode_reply((1, 2)))
@@ -85,7 +85,7 @@ def test_no_reply_is_silent_after_the_response_time_the_reply_and_the_allowance(
 def test_what_does_not_answer_is_garbled_and_named(frame: bytes, reason: str) -> None:
     async def scenario() -> Outcome:
         asking = Asking()
-        asking.wires.bus.impair(1, Says(frame))
+        asking.wires.bus.impair(1, InPlace(frame))
         return await asking.ask(READ)
 
     outcome = run_virtually(scenario())
@@ -192,7 +192,7 @@ def test_a_late_reply_and_a_reply_in_one_chunk_are_judged_one_by_one() -> None:
         asking = Asking()
         asking.wires.lose("u1", count=1)
         found = [await asking.ask(ReadHoldingRegisters(2, 1))]
-        asking.wires.bus.impair(1, Says(late + REPLY))
+        asking.wires.bus.impair(1, InPlace(late + REPLY))
         return [*found, await asking.ask(READ)], asking.master
 
     (missed, answered), master = run_virtually(scenario())

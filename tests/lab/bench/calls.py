@@ -16,21 +16,10 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from functools import partial
-from math import inf
 from pathlib import Path
 from types import FrameType
 from typing import Any
 
-from gateway.app.plant import Plant
-from gateway.app.record_log import RecordLog, log_failure
-from gateway.config.convert import policy_of, rights_of, timing_of
-from gateway.config.reading import parse
-from gateway.config.schema import LineTable
-from gateway.contract import RecordBus, RecordWriter, Topics
-from gateway.line.client import LineClient
-from gateway.line.events import deliver
-from gateway.line.port.base import Port
 from gateway.line.port.opener import SerialOpener
 from gateway.line.scheduler.requests import Poll
 from gateway.line.thread import LineHost
@@ -38,14 +27,8 @@ from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil
-from gateway.mqtt.outbox.outbox import Outbox
-from gateway.mqtt.publisher import Publisher
-from gateway.sim.bus.port import SimulatedLine
-from gateway.starters import Policy, RunToken, serve
-from tests.lab.bench.plant import name
-from tests.lab.torture.starters import watching_unit
-from tests.rig.sites import line, starter, table
-from tests.virtual_time import VirtualClock, run_virtually
+from tests.rig import RigPlant
+from tests.rig.sites import line, starter
 
 UNITS = 8
 REGISTERS = 10
@@ -53,13 +36,8 @@ WARM, COUNTED = 60, 400  # transactions
 LONGEST_S = 30.0
 ROOT = Path(__file__).parents[3]
 OWN = ROOT / "gateway"
-LEFT_OUT = (str(OWN / "sim"), str(ROOT / "tests"))
-SITE = (
-    table("gateway", name="bench")
-    + table("mqtt", url="mqtt://127.0.0.1")
-    + line()
-    + starter(name(0, 1), 1, "ssw07", every_s=5.0, watchdog_s=0.0)
-)
+LEFT_OUT = (str(OWN / "sim"), str(OWN / "plugins"), str(ROOT / "tests"))  # plugins are beside every way
+SITE = line() + starter("pump", 1, "ssw07", every_s=5.0, watchdog_s=0.0)
 
 
 @dataclass
@@ -93,12 +71,11 @@ class Counts:
 
 
 @contextmanager
-def counted() -> Iterator[Counts]:
-    """Count the calls inside, on this thread."""
-    counts = Counts()
-    sys.setprofile(counts.note)
+def profiled(note: Callable[[FrameType, str, Any], object]) -> Iterator[None]:
+    """Have each call and return on this thread noted."""
+    sys.setprofile(note)
     try:
-        yield counts
+        yield
     finally:
         sys.setprofile(None)
 
@@ -170,142 +147,49 @@ def answering_units() -> Iterator[str]:
         os.close(theirs)
 
 
+def publication_calls() -> Counts:
+    """Return the calls from a reply with one changed value to its message, in the usual case (median).
+
+    The message is at its end when the session is given it. Where another request was due, the line has sent
+    that first: those calls are not on this way.
+    """
+    way = _Way()
+    with RigPlant(SITE) as plant:
+        plant.run(until=3.0)
+        for coil in (101, 100):
+            plant.starter("pump").unit.handle(WriteCoil(coil, is_on=True).encode(), plant.loop.time())
+        plant.run(until=121.0)
+        with profiled(way.note):
+            plant.run(until=421.0)
+    usual = [counts for messages, counts in way.found if messages == 1 and _is_usual(counts)]
+    return sorted(usual, key=lambda counts: counts.calls)[len(usual) // 2]
+
+
 class _Way:
     """Counts from each reply to the last message that it leads to."""
 
     def __init__(self) -> None:
         self.found: list[tuple[int, Counts]] = []  # messages and calls of each reply that changed something
         self._counts: Counts | None = None
-        self._best: tuple[int, Counts] | None = None
         self._messages = 0
 
-    def begin(self) -> None:
-        """Note that a reply is here."""
-        sys.setprofile(None)
-        if self._best is not None:
-            self.found.append(self._best)
-        self._best, self._messages = None, 0
-        self._counts = Counts()
-        sys.setprofile(self._counts.note)
-
-    def note_message(self) -> None:
-        """Note that the broker is given a message."""
-        if self._counts is not None:
+    def note(self, frame: FrameType, event: str, value: Any) -> None:
+        """Begin at a reply, and count."""
+        name = frame.f_code.co_qualname
+        if event == "return" and name == "SimulatedPort.read" and isinstance(value, bytes) and value:
+            self._counts, self._messages = Counts(), 0
+        if self._counts is None:
+            return
+        self._counts.note(frame, event, value)
+        if event == "call" and name == "Session.publish" and "/value/" in frame.f_locals["message"].topic:
+            if self._messages:
+                self.found.pop()
             self._messages += 1
-            self._best = (self._messages, Counts(self._counts.calls, Counter(self._counts.by_place)))
+            self.found.append((self._messages, Counts(self._counts.calls, Counter(self._counts.by_place))))
 
 
-async def _way() -> _Way:
-    way = _Way()
-    config = parse(SITE, "site.toml")
-    loop = asyncio.get_running_loop()
-    clock = VirtualClock(loop)
-    outbox = Outbox(last_topic="", boot="boot")
-    bus_of_records = RecordBus(log_failure)
-    topics = Topics("starters/bench")
-    publisher = Publisher(topics, RunToken("0" * 16), outbox, sink=bus_of_records, clock=clock)
-    outbox.connected(1000)
-
-    def send() -> None:
-        while (outgoing := outbox.take()) is not None:
-            if "/value/" in outgoing.message.topic:
-                way.note_message()
-            outbox.acked(outgoing.ticket, 0)
-
-    publisher.wake = lambda: loop.call_soon(send)
-    records = RecordWriter(bus_of_records, clock)
-    policy = Policy(policy_of(config), [name(0, 1)], rights=rights_of(config), records=records)
-    bus_of_records.connect(policy, RecordLog(clock), publisher)
-    bus = SimulatedLine(timing_of(config.lines[0]))
-    unit = watching_unit("ssw07", 1, 0)
-    bus.add(unit)
-    plant = Plant(
-        publish_event=lambda *_, **__: None,
-        policy=policy,
-        serve=partial(serve, monitor_every_s=inf),
-        records=records,
-        on_readings=lambda *_: None,
-        make_opener=lambda table: _Opener(bus, table, way),
-    )
-    host = _Host(plant.handle, has_thread=False)
-    host._events._polls_wait_s = 0.0
-    plant.build(host, config.lines, _Deaf())  # type: ignore[arg-type]  # all that is asked of it
-    await host.start()
-    await plant.start()
-    for coil in (101, 100):
-        unit.handle(WriteCoil(coil, is_on=True).encode(), loop.time())
-    await asyncio.sleep(121.0)
-    for each in host._lines.values():  # each poll is due at another time, so that none follows another
-        for key in tuple(each.line.polls._polls):
-            each.line.change(lambda scheduler, now_s, key=key: scheduler.polls.expedite(key, now_s))
-            await asyncio.sleep(0.7)
-    await asyncio.sleep(9.0)
-    way.found.clear()
-    await asyncio.sleep(600.0)
-    sys.setprofile(None)
-    await host.stop()
-    await plant.close()
-    return way
-
-
-class _Host(LineHost):
-    """Lines on this loop, left to no chance; each event is handed over by itself, and that is not counted."""
-
-    def add_line(self, **options: Any) -> LineClient:
-        return super().add_line(**options | {"seed": 0})
-
-    def _hand_over(self, batch: Any) -> None:
-        asyncio.get_running_loop().call_soon(deliver, batch, self._handle)
-
-
-class _Opener:
-    """Opens the simulated line; each reply that is read begins a way."""
-
-    def __init__(self, bus: SimulatedLine, table: LineTable, way: _Way) -> None:
-        self._opener = bus.opener(timing=timing_of(table))
-        self._way = way
-        self.name = self._opener.name
-
-    async def __call__(self) -> Port:
-        port = await self._opener()
-        read = port.read
-
-        async def noted(*, until_s: float, count: int = 1) -> bytes:
-            received = await read(until_s=until_s, count=count)
-            if received:
-                self._way.begin()
-            return received
-
-        port.read = noted  # type: ignore[method-assign]  # that is the point of it
-        return port
-
-
-class _Deaf:
-    """The health that a plant reports to: has nothing to do."""
-
-    def note_change(self) -> None: ...
-    def note_starter(self, *_: Any) -> None: ...
-    def note_port(self, *_: Any) -> None: ...
-
-
-def publication_calls() -> Counts:
-    """Return the calls from a reply with one changed value to its message, in the usual case (median).
-
-    Where another request was due, the line has sent that first: those calls are not on this way.
-    """
-
-    def is_usual(messages: int, counts: Counts) -> bool:
-        is_last = counts.entered("RtuMaster.send") == 0
-        return is_last and messages == 1 and counts.entered("StarterTelemetry.on_poll") == 1
-
-    found = sorted(
-        (counts for messages, counts in run_virtually(_way()).found if is_usual(messages, counts)), key=_calls
-    )
-    return found[len(found) // 2]
-
-
-def _calls(counts: Counts) -> int:
-    return counts.calls
+def _is_usual(counts: Counts) -> bool:
+    return counts.entered("RtuMaster.send") == 0 and counts.entered("StarterTelemetry.on_poll") == 1
 
 
 def _print(counts: Counts, share: int, most: int) -> None:

@@ -12,20 +12,13 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Callable
 from pathlib import Path
-from types import FrameType
 
 from gateway.cli.main import main
 from gateway.line.thread import LineHost
 
 BLOCK_FILE = "TORTURE_BLOCK"
 LOOPS = ("lines", "app", "everything")
-
-
-def hold_everything(seconds: float) -> None:
-    """Sleep with Python's lock in hand, as an extension that hangs does."""
-    ctypes.PyDLL(None).usleep(int(seconds * 1e6))
 
 
 def block_on_signal() -> None:
@@ -39,14 +32,16 @@ def block_on_signal() -> None:
 
     LineHost.start = remember  # type: ignore[method-assign,assignment] # the only way to its loop from here
 
-    def block(_number: int, _frame: FrameType | None) -> None:
+    def block(*_: object) -> None:
         order = json.loads(Path(os.environ[BLOCK_FILE]).read_text("utf-8"))
-        how: dict[str, Callable[[float], None]] = {
-            "lines": lambda seconds: hosts[-1].to_line(lambda: time.sleep(seconds)),
-            "app": time.sleep,  # a handler runs on the main thread, whose loop then waits for it
-            "everything": hold_everything,
-        }
-        how[order["what"]](order["seconds"])
+        seconds = order["seconds"]
+        match order["what"]:
+            case "lines":
+                hosts[-1].to_line(time.sleep, seconds)
+            case "app":  # a handler runs on the main thread, whose loop then waits for it
+                time.sleep(seconds)
+            case _:  # Python's lock in hand, as an extension that hangs has it
+                ctypes.PyDLL(None).usleep(int(seconds * 1e6))
 
     signal.signal(signal.SIGUSR1, block)
 

@@ -46,7 +46,7 @@ async def stalled(w: World, longest_s: int) -> None:
         await w.ready()
         starts, since = sum((await w.starts()).values()), len(w.recorder.results)
         await w.recorder.until("gateway/fresh", since_s=time.monotonic())  # the commands' proof is new
-        proof = {"token": w.recorder.token, "boot": w.recorder.latest["gateway/status"]["boot"]}
+        proof = {"token": w.recorder.token, "boot": w.recorder.boot}
         w.broker.stand_still()
         sending = asyncio.gather(
             *(
@@ -87,7 +87,7 @@ async def stalled(w: World, longest_s: int) -> None:
 
 async def _queued(w: World, version: str, count: int) -> None:
     """Sent while the gateway was away, to a broker that has a session to keep them in; half retained."""
-    boot, token, lives = w.recorder.latest["gateway/status"]["boot"], w.recorder.token, len(w.gateway.lives)
+    boot, token, lives = w.recorder.boot, w.recorder.token, len(w.gateway.lives)
     await w.gateway.stop()
     _leave_session(w, version)
     issued_at, since = rfc3339(time.time()), len(w.recorder.results)
@@ -112,7 +112,7 @@ async def _waiting(w: World, count: int) -> None:
     """Sent to a gateway that stands still, so that they wait in its socket, with the best of proofs."""
     left = count
     while left:
-        now, boot, token = min(left, AT_ONCE), w.recorder.latest["gateway/status"]["boot"], w.recorder.token
+        now, boot, token = min(left, AT_ONCE), w.recorder.boot, w.recorder.token
         left -= now
         w.gateway.signal(signal.SIGSTOP)
 
@@ -127,12 +127,7 @@ async def _waiting(w: World, count: int) -> None:
             end = await w.recorder.final(id_, within_s=5.0)
             is_right = end["phase"] == "rejected" and end["code"] in ("wrong_boot", "before_connection")
             w.check(is_right, f"{id_} ended as {end['phase']} {end['code']}")
-        is_new = {"boot": boot}.items()
-        await until(
-            lambda: not is_new <= w.recorder.latest["gateway/status"].items(),  # noqa: B023 - called at once
-            "a new boot",
-            within_s=5.0,
-        )
+        await until(lambda boot=boot: w.recorder.boot != boot, "a new boot", within_s=5.0)
         await w.settled()
 
 

@@ -11,7 +11,6 @@ import signal
 import socket
 import sys
 import time
-from collections.abc import Sequence
 from dataclasses import dataclass, field
 from math import inf
 from pathlib import Path
@@ -42,31 +41,25 @@ class Life:
     began_s: float
     ready_s: float | None = None
     ended_s: float | None = None
-    code: int | None = None
     is_hung: bool = False  # ended by the watchdog
 
 
 @dataclass
 class Supervisor:
-    """Runs a command, whatever happens to it."""
+    """Runs the gateway, or a module that is one, with a configuration, whatever happens to it."""
 
-    command: Sequence[str]
+    module: str
+    config: Path
     restart: Restart
-    folder: Path  # of its log
     lives: list[Life] = field(default_factory=list)
     _process: asyncio.subprocess.Process | None = None
     _task: asyncio.Task[None] | None = None
     _fed_s: float = 0.0
     _is_ending: bool = False
 
-    @classmethod
-    def of_gateway(cls, config: Path, restart: Restart, *, module: str = "gateway") -> Supervisor:
-        """Return one that runs the gateway, or a program that is one, with a configuration."""
-        return cls((sys.executable, "-m", module, "run", str(config)), restart, config.parent)
-
     @property
     def log_path(self) -> Path:
-        return self.folder / "supervised.log"
+        return self.config.with_name("supervised.log")
 
     @property
     def log(self) -> str:
@@ -79,18 +72,13 @@ class Supervisor:
         assert self._process is not None
         return self._process.pid
 
-    @property
-    def is_up(self) -> bool:
-        """Return whether the present process has said READY."""
-        return bool(self.lives) and self.lives[-1].ready_s is not None and self.lives[-1].ended_s is None
-
     def start(self) -> None:
         """Begin."""
         self._is_ending = False
         self._task = asyncio.create_task(self._supervise())
 
-    async def stop(self) -> int | None:
-        """End the gateway in order, as `systemctl stop`; return its exit code."""
+    async def stop(self) -> None:
+        """End the gateway in order, as `systemctl stop`."""
         self._is_ending = True
         self.signal(signal.SIGTERM)
         self.signal(signal.SIGCONT)
@@ -99,7 +87,6 @@ class Supervisor:
                 await asyncio.wait_for(asyncio.shield(self._task), 12.0)  # TimeoutStopSec
             self.signal(signal.SIGKILL)
             await self._task
-        return self.lives[-1].code if self.lives else None
 
     def signal(self, number: signal.Signals) -> None:
         """Send a signal to the present process, if there is one."""
@@ -108,62 +95,66 @@ class Supervisor:
 
     def block(self, what: str, seconds: float) -> None:
         """Block one of its loops, if it runs as `tests.lab.torture.blockable`."""
-        (self.folder / "block.json").write_text(json.dumps({"what": what, "seconds": seconds}), "utf-8")
+        self._block_file.write_text(json.dumps({"what": what, "seconds": seconds}), "utf-8")
         self.signal(signal.SIGUSR1)
 
+    @property
+    def _block_file(self) -> Path:
+        return self.config.with_name("block.json")
+
     async def until_up(self, *, lives: int = 1, within_s: float = 30.0) -> None:
-        """Wait until that many lives have begun and the last is ready."""
-        await until(lambda: len(self.lives) >= lives and self.is_up, "the gateway is up", within_s=within_s)
+        """Wait until that many lives have begun and the last has said READY."""
+
+        def is_up() -> bool:
+            last = self.lives[-1] if len(self.lives) >= lives else Life(0.0)
+            return last.ready_s is not None and last.ended_s is None
+
+        await until(is_up, "the gateway is up", within_s=within_s)
 
     async def _supervise(self) -> None:
-        while not self._is_ending:
-            await self._live()
-            if self._is_ending or self.lives[-1].code == BAD_CONFIGURATION:
-                return
+        while await self._live() != BAD_CONFIGURATION and not self._is_ending:
             await asyncio.sleep(self.restart.restart_s)
+            if self._is_ending:
+                return
 
-    async def _live(self) -> None:
-        address = f"@torture-{os.getpid()}-{self.folder.name}"  # abstract: a folder's path may be too long
+    async def _live(self) -> int:
+        """Run the process once and return its exit code."""
+        address = f"@torture-{os.getpid()}-{self.config.parent.name}"  # abstract: a path may be too long
+        environ = {
+            "NOTIFY_SOCKET": address,
+            "WATCHDOG_USEC": str(int(self.restart.watchdog_s * 1e6)),
+            "PYTHONFAULTHANDLER": "1",
+            BLOCK_FILE: str(self._block_file),
+        }
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify, self.log_path.open("ab") as log:
             notify.bind(address.replace("@", "\0", 1))
             notify.setblocking(False)
             life = Life(time.monotonic())
             self.lives.append(life)
             self._process = await asyncio.create_subprocess_exec(
-                *self.command,
-                env={**os.environ, **self._environ(address)},
+                *(sys.executable, "-m", self.module, "run", str(self.config)),
+                env={**os.environ, **environ},
                 stdin=asyncio.subprocess.DEVNULL,
                 stdout=log,
                 stderr=log,
             )
             watching = asyncio.create_task(self._watch(notify, life))
-            life.code = await self._process.wait()
+            code = await self._process.wait()
             life.ended_s = time.monotonic()
             watching.cancel()
             await asyncio.wait((watching,))
-
-    def _environ(self, address: str) -> dict[str, str]:
-        return {
-            "NOTIFY_SOCKET": address,
-            "WATCHDOG_USEC": str(int(self.restart.watchdog_s * 1e6)),
-            "PYTHONFAULTHANDLER": "1",
-            BLOCK_FILE: str(self.folder / "block.json"),
-        }
-
-    def _listen(self, notify: socket.socket, life: Life) -> None:
-        """Read everything that the gateway has logged until now."""
-        with contextlib.suppress(BlockingIOError):
-            while words := notify.recv(4096).decode().splitlines():
-                if "READY=1" in words:
-                    life.ready_s = life.ready_s or time.monotonic()
-                if "READY=1" in words or "WATCHDOG=1" in words:
-                    self._fed_s = time.monotonic()
+        return code
 
     async def _watch(self, notify: socket.socket, life: Life) -> None:
         """End a process that has stopped feeding; its stacks are asked for first."""
 
         def is_starved() -> bool:
-            self._listen(notify, life)
+            with contextlib.suppress(BlockingIOError):
+                while words := notify.recv(4096).decode().splitlines():
+                    if "READY=1" in words:
+                        life.ready_s = life.ready_s or time.monotonic()
+                    if "READY=1" in words or "WATCHDOG=1" in words:
+                        self._fed_s = time.monotonic()
             return life.ready_s is not None and time.monotonic() - self._fed_s >= self.restart.watchdog_s
 
         await until(is_starved, "the watchdog is starved", within_s=inf)

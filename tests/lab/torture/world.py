@@ -293,7 +293,7 @@ async def world(folder: Path, restart: Restart, place: Place, *, seed: int) -> A
     config.write_text(site(folder, broker.port, place, watchdog_s), "utf-8")
     starters, recorder = StartersProcess(config, watchdog_s), Recorder(broker.port)
     module = "tests.lab.torture.blockable" if place.outlasts_hang else "gateway"
-    gateway = Supervisor.of_gateway(config, restart, module=module)
+    gateway = Supervisor(module, config, restart)
     dice = random.Random(seed)
     here = World(folder / "state", broker, starters, gateway, recorder, gaps, watchdog_s, dice)
     try:

@@ -24,17 +24,18 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, FOUR, SSW07, line, starter
-from tests.scenarios.line.wires import EIGHT, TWO, asked_within, healed, impaired, true_values
+from tests.rig.sites import ALICE, FOUR, SSW07
+from tests.scenarios.line.wires import (
+    EIGHT,
+    TWO,
+    asked_within,
+    healed,
+    impaired,
+    requests_on_wires,
+    true_values,
+)
 
 WATCHED = EIGHT.replace("every_s = 1.0", "every_s = 5.0\nwatchdog_s = 3.0")
-CLOSE = (
-    line(baud=9600)
-    + starter("pump-1", 1, "ssw07", every_s=5.0)
-    + "".join(  # no room for one second more
-        starter(f"fan-{n}", n, "ssw07", every_s=5.0, watchdog_s=1.0) for n in range(2, 7)
-    )
-)
 FULL = EIGHT.replace("baud = 19200", "baud = 9600").replace("every_s = 1.0", "every_s = 0.2")
 
 
@@ -42,13 +43,7 @@ def probed(name: str, since: float, until: float, least_s: float, most_s: float)
     """The requests to a starter on the wires are as far apart, each of them."""
 
     def check(plant: RigPlant) -> str:
-        address = plant.starter(name).unit.address
-        found = [
-            frame.start_s - 1000.0
-            for frame in plant.lines["pumps"].bus.transcript
-            if frame.sender == 0 and frame.data[0] == address
-        ]
-        found = [at_s for at_s in found if since <= at_s <= until]
+        found = [at_s for at_s, _ in requests_on_wires(plant, name, since) if at_s <= until]
         apart = [after - before for before, after in itertools.pairwise(found)]
         is_right = len(apart) > 1 and least_s <= min(apart) and max(apart) <= most_s
         return "" if is_right else f"{name} was asked every {[round(each, 2) for each in apart]} s"
@@ -113,17 +108,6 @@ OFFLINE = [
         },
     ),
     row(
-        "one silent starter of eight takes nothing from the others: each is asked as before",
-        given=EIGHT,
-        at={10.0: fault("silent", "pump-3")},
-        then={
-            90.0: [
-                asked_within(1.3, *(f"pump-{n}" for n in (1, 2, 4, 5, 6, 7, 8)), since=12.0, until=90.0),
-                clean_line,
-            ]
-        },
-    ),
-    row(
         "six silent starters of eight leave the two others their rhythm",
         given=EIGHT,
         at={10.0: [fault("silent", f"pump-{n}") for n in range(3, 9)]},
@@ -154,20 +138,6 @@ OFFLINE = [
         },
     ),
     row(
-        "a starter that is added later is asked at once",
-        given=SSW07,
-        at={5.0: reload(TWO)},
-        then={6.0: msg("starter/fan/availability", state="online")},
-    ),
-    row(
-        "a starter that is removed is not asked again",
-        given=TWO,
-        at={5.0: reload(SSW07)},
-        then={
-            30.0: lambda p: "" if max(at_s for at_s, _ in p.starter("fan").asked) < 6.0 else "it was asked"
-        },
-    ),
-    row(
         "a read of a starter that is away ends within its own time",
         given=TWO + ALICE,
         at={5.0: fault("silent", "pump"), 20.0: command("pump/alice/read", args={"parameter": "P202"})},
@@ -176,24 +146,6 @@ OFFLINE = [
 ]
 
 WATCHDOGS = [
-    row(
-        "eight starters with watchdogs of 3 s are asked in time, though their periods are longer",
-        given=WATCHED,
-        then={
-            60.0: [asked_within(3.0, since=1.0, until=60.0), never("gateway/event", code="watchdog_unkept")]
-        },
-    ),
-    row(
-        "reads and settings of every client do not keep a watchdog waiting",
-        given=WATCHED + ALICE,
-        at={
-            second / 2: [
-                command(f"pump-{n}/alice/read", args={"parameter": "P202"}) for n in (second % 8 + 1, 1)
-            ]
-            for second in range(8, 60)
-        },
-        then={40.0: asked_within(3.0, since=1.0, until=40.0)},
-    ),
     row(
         "watchdogs do not act where a twentieth of the replies is lost",
         given=WATCHED,
@@ -217,12 +169,6 @@ WATCHDOGS = [
         given=SSW07.replace("every_s = 1.0", "every_s = 20.0") + ALICE,
         at={5.0: command("pump/alice/set", args={"parameter": "P314", "value": 3})},
         then={60.0: [result("set confirmed ok"), asked_within(3.0, "pump", since=6.0, until=60.0)]},
-    ),
-    row(
-        "a watchdog that the line cannot keep is refused before it is written",
-        given=CLOSE + ALICE,
-        at={10.0: command("pump-1/alice/set", args={"parameter": "P314", "value": 1})},
-        then={16.0: [result("set rejected watchdog_unkept"), frames("pump-1")]},
     ),
     row(
         "a watchdog that was left for too long is an event",
@@ -284,11 +230,6 @@ STATISTICS = [
         then={100.0: [line_says(utilisation=(0.9, 1.0)), never("gateway/event", code="line_saturated")]},
     ),
     row(
-        "all periods of an over-full line are stretched by one factor, and no starter is left out",
-        given=FULL,
-        then={65.0: [line_says(stretch=(1.5, 20.0), utilisation=(0.9, 1.0)), lambda plant: _evenly(plant)]},
-    ),
-    row(
         "a line that is full says so once, and again when it has time",
         given=FULL,
         at={90.0: reload(FULL.replace("every_s = 0.2", "every_s = 5.0"))},
@@ -318,11 +259,6 @@ def _apart(plant: RigPlant, least_s: float, most_s: float) -> str:
     times = [each.at_s for each in plant.messages("gateway/line/pumps", since=35.0)]
     apart = [after - before for before, after in itertools.pairwise(times)]
     return "" if apart and least_s < min(apart) and max(apart) < most_s else str(times)
-
-
-def _evenly(plant: RigPlant) -> str:
-    asked = [sum(at_s > 20.0 for at_s, _ in plant.starter(f"pump-{n}").asked) for n in range(1, 9)]
-    return "" if max(asked) - min(asked) <= 0.05 * max(asked) else f"asked {asked} times"
 
 
 @pytest.mark.parametrize("row", OFFLINE + WATCHDOGS + STATISTICS)

@@ -7,7 +7,6 @@ import random
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from math import inf
 from typing import Any
 
 from gateway.modbus.adu import encode
@@ -20,9 +19,6 @@ from tests.rig.sites import SSW07, line, starter
 
 TWO = SSW07 + starter("fan", 2, "ssw07")
 EIGHT = line() + "".join(starter(f"pump-{n}", n, "ssw07") for n in range(1, 9))
-MIXED = line() + "".join(
-    starter(f"pump-{n}", n, family) for n, family in enumerate(("ssw07", "ssw06", "ssw900", "sst") * 2, 1)
-)
 STOP_07 = "05 00 64 00 00"  # coil 100 = 0
 JOG_OFF_07 = "05 00 66 00 00"
 START_07 = "05 00 64 ff 00"
@@ -159,16 +155,6 @@ def asked_within(most_s: float, *names: str, since: float, until: float) -> Expe
         for name in names or tuple(plant.lines["pumps"].starters)
         if (longest := max(gaps(plant, name, since, until))) > most_s
     )
-
-
-def never_starved(since: float, until: float, limit_s: float = inf) -> Expectation:
-    """No starter was left without a request for three sweeps + 1 s, or for its watchdog's time."""
-
-    def check(plant: RigPlant) -> str:
-        most_s = min(3 * plant.last("gateway/line/pumps")["sweep_s"] + 1.0, limit_s)
-        return asked_within(most_s, since=since, until=until)(plant)
-
-    return check
 
 
 def true_values(plant: RigPlant) -> str:
