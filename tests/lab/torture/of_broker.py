@@ -17,6 +17,7 @@ RATE_TOLERANCE = 0.02
 FAULTS = 3
 RECORDS_OF_A_FAULT = 12  # states and alarms that may overtake one another
 LATEST_EVERY_S = 30.0  # a state that does not change is published so often
+STORED_WITHIN_S = 1.0  # of an event: until then it is on the disk
 QUIET_S = 3.0
 SHORT_RATE_TOLERANCE = 0.1  # a few seconds are too few polls for two per cent
 
@@ -46,6 +47,31 @@ async def away(w: World, seconds: int) -> None:
     w.check(seen <= count <= FAULTS, f"{FAULTS} faults happened, {seen} were seen, {count} were published")
     w.check(len(missing) <= overtaken, f"{len(missing)} seqs are missing, {overtaken:.0f} states overtaken")
     w.check_rates(before, during, tolerance=RATE_TOLERANCE if seconds >= 60 else SHORT_RATE_TOLERANCE)
+
+
+async def killed_while_away(w: World, count: int) -> None:
+    """Faults happen while the broker is away, and the gateway is killed before it could publish them."""
+    books = w.recorder.books
+    known, happened, seen = books.faults_of("mill"), 0, 0
+    await w.calm()
+    for _ in range(count):
+        await asyncio.to_thread(w.broker.stop)
+        for _ in range(w.dice.choice((1, 2))):
+            happened += 1
+            seen += await w.fault("mill")
+            await sleep_fairly(w.dice.uniform(STORED_WITHIN_S, 2 * STORED_WITHIN_S))
+            lives = len(w.gateway.lives)
+            await w.killed()
+            await w.gateway.until_up(lives=lives + 1)
+            await sleep_fairly(w.dice.uniform(0.0, 2.0))
+        await _back(w, w.broker.start)
+    await until(lambda: books.faults_of("mill") >= known + seen, "all faults are published", within_s=10.0)
+    published = books.faults_of("mill") - known
+    w.row.measurements |= {"kills": happened, "faults seen": seen, "published": published}
+    w.row.measurements |= {"repeated": books.repeated, "losses declared": len(books.declared)}
+    w.check(
+        seen <= published <= happened, f"{happened} faults happened, {seen} were seen, {published} published"
+    )
 
 
 async def killed(w: World, count: int) -> None:
@@ -89,6 +115,7 @@ async def _back(w: World, begin: Callable[[], None]) -> float:
 
 SCENARIOS = (
     Scenario("broker away", CRASH, away, 600, 10, "s"),
+    Scenario("killed without broker", CRASH, killed_while_away, 50, 2, "times"),
     Scenario("broker killed", CRASH, killed, 50, 1, "times"),
     Scenario("broker half-open", CRASH, half_open, 20, 1, "times"),
 )
