@@ -189,17 +189,6 @@ CHANGES = [
         then={30.0: [event("reloaded"), result("start rejected busy"), frames("1"), frames("2")]},
     ),
     row(
-        "an id of before a reload is known after it",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={
-            4.0: command("pump/alice/start", id="one"),
-            7.0: reload(SSW07 + FAN + ALICE),
-            9.0: command("pump/alice/start", id="one"),
-        },
-        then={10.0: [msg("result/pump/alice", duplicate=True, phase="confirmed"), frames("pump", START)]},
-    ),
-    row(
         "another refresh_s counts for every value at once, on the same connection",
         given=SSW07,
         at={5.0: reload(SSW07 + table("mqtt", url="mqtt://127.0.0.1", refresh_s=10))},
