@@ -20,7 +20,7 @@ from tests.rig import (
     row,
 )
 from tests.rig.sites import SSW07, line, starter
-from tests.scenarios.broker.support import HEAL, TRIP
+from tests.scenarios.broker.support import HEAL, TRIP, holds
 
 TWO = SSW07 + starter("fan", 2, "ssw06")
 OTHER_LINE = line("hall") + starter("fan", 2, "ssw06")
@@ -94,11 +94,7 @@ GHOSTS = [
         then={
             25.0: [
                 retained("starter/pump/alarm/e05", active=True),
-                lambda plant: (
-                    ""
-                    if all(m.payload for m in plant.messages("starter/pump/alarm/e05"))
-                    else "it was cleared"
-                ),
+                holds(lambda plant: all(m.payload for m in plant.messages("starter/pump/alarm/e05"))),
             ]
         },
     ),
@@ -141,10 +137,8 @@ GHOSTS = [
         then={
             20.0: [
                 msg("gateway/status", state="online"),
-                lambda plant: (
-                    ""
-                    if len([m for m in plant.broker.retained.values() if m.client == "other"]) == 4
-                    else "cleared"
+                holds(
+                    lambda plant: len([m for m in plant.broker.retained.values() if m.client == "other"]) == 4
                 ),
             ]
         },
