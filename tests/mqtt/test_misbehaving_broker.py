@@ -29,6 +29,13 @@ from tests.mqtt.fake_broker import ACCEPT_5, ACCEPT_311, LEVEL_5, LEVEL_311, REF
 from tests.waiting import until
 
 TOPIC = "b/command/pump/alice"
+
+
+@pytest.fixture(autouse=True)
+def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("gateway.mqtt.connection.reconnect.FIRST_RETRY_S", 0.05)
+
+
 both_versions = pytest.mark.parametrize("level", [LEVEL_5, LEVEL_311])
 
 
@@ -84,7 +91,7 @@ async def linked(broker: FakeBroker, **settings: Any) -> AsyncIterator[Link]:
         on_version=lambda _: None,
         pulse=lambda: Message("b/pulse", b"", 0, retain=False),
     )
-    way = BrokerSettings("localhost", broker.port, "plant", first_retry_s=0.05, **settings)
+    way = BrokerSettings("localhost", broker.port, "plant", **settings)
     connection = BrokerConnection(way, Outbox(last_topic=""), command_filter="b/command/#", hooks=hooks)
     running = asyncio.create_task(connection.run())
     yield link
