@@ -10,7 +10,6 @@ from typing import Any, Protocol
 
 from gateway.contract.events import Event, EventCode, event_of
 from gateway.contract.records import EventRecord, ForgetRecord, InfoRecord, Record
-from gateway.contract.vocabulary import Severity
 from gateway.system.clock import Clock
 
 
@@ -24,10 +23,8 @@ class Sink(Protocol):
 class PublishEvent(Protocol):
     """Publishes an event of the gateway's own; must return at once and never raise."""
 
-    def __call__(
-        self, event: EventCode | Event, case: str = "", /, *, severity: Severity | None = None, **fields: Any
-    ) -> None:
-        """Take a code with the fields of its text and its data as `event_of` does, or an event."""
+    def __call__(self, event: EventCode | Event, case: str = "", /, **fields: Any) -> None:
+        """Take a code with what `event_of` needs besides, or an event."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,18 +43,9 @@ class RecordWriter:
         """Publish a record."""
         self.sink.put(record)
 
-    def event(
-        self,
-        starter: str,
-        event: EventCode | Event,
-        case: str = "",
-        /,
-        *,
-        severity: Severity | None = None,
-        **fields: Any,
-    ) -> None:
+    def event(self, starter: str, event: EventCode | Event, case: str = "", /, **fields: Any) -> None:
         """Publish an event that happens now, to a starter or (with an empty name) to the gateway."""
-        made = event if isinstance(event, Event) else event_of(event, case, severity=severity, **fields)
+        made = event if isinstance(event, Event) else event_of(event, case, **fields)
         self.sink.put(self.dated(starter, made))
 
     def dated(self, starter: str, event: Event, *, time_s: float | None = None) -> EventRecord:

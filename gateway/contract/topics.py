@@ -48,7 +48,7 @@ def to_level(name: str) -> str:
 
 
 class Topics:
-    """The topics below one base; ValueError for a base, a starter or a command of other than levels.
+    """The topics below one base; ValueError for a base or a command of other than levels.
 
     No topic that carries a payload is a prefix of another.
     """
@@ -61,10 +61,6 @@ class Topics:
         self._command_prefix = f"{base}/command/"
         starter = f"starter/({LEVEL})/(?:(value|alarm)/{LEVEL}|(info|availability|state))"
         self._retained = re.compile(f"{re.escape(base)}/(?:gateway/line/({LEVEL})|{starter})", re.ASCII)
-
-    def starter(self, starter: str) -> str:
-        """Return the branch of one starter, without a slash at its end; nothing is published here."""
-        return f"{self.base}/starter/{_checked(starter)}"
 
     def of(self, kind: type[Record], **names: str) -> str:
         """Return the topic of a record of this kind, of this starter, line, point, code or client."""

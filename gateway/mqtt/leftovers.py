@@ -3,8 +3,8 @@
 1. On its first connection a run reads what is stored below `gateway` and `starter`, until a token of its own
    (`gateway/fresh`) comes back: what was stored came before it. Only then is the gateway online.
 2. What this run has not published is cleared: at once where the starter or line is not configured, and values
-   of points that a starter no longer has, since a run begins with all its points; an alarm once its starter
-   was read in this run and did not show it.
+   of points that a starter no longer has, since a run begins with all its points; an active alarm once its
+   starter was read in this run and did not show it.
 3. Nothing is cleared while another gateway is there. Its heartbeat shows that, or a status that comes now; a
    stored status may be that of a gateway that died with its broker.
 """
@@ -114,7 +114,7 @@ class Leftovers:
         elif incoming.topic == self._topics.of(StatusRecord):
             self._take_status(incoming)
         elif incoming.is_retained and self._task is not None:
-            self._take_stored(incoming.topic)
+            self._take_stored(incoming)
 
     def put(self, record: Record) -> None:
         """Note that a starter was read."""
@@ -143,14 +143,14 @@ class Leftovers:
         else:
             self._note_sharing()
 
-    def _take_stored(self, topic: str) -> None:
-        found = self._topics.parse_retained(topic)
+    def _take_stored(self, incoming: Incoming) -> None:
+        found = self._topics.parse_retained(incoming.topic)
         if found is None:
             return
-        if found.kind == ALARM and self._is_current(found):
-            self._reading.left[topic] = found.name
-        elif found.kind == VALUE or not self._is_current(found):
-            self._reading.left[topic] = ""
+        if found.kind == VALUE or not self._is_current(found):
+            self._reading.left[incoming.topic] = ""
+        elif found.kind == ALARM and _fields_of(incoming).get("active"):
+            self._reading.left[incoming.topic] = found.name
 
     def _note_sharing(self) -> None:
         """Report that another gateway is there; what it keeps retained is not to be cleared."""

@@ -8,7 +8,6 @@ from collections.abc import Callable
 from gateway.contract import (
     ForgetRecord,
     GatewayState,
-    LineRecord,
     OutboxRecord,
     Record,
     Sink,
@@ -52,7 +51,10 @@ class Publisher:
     def put(self, record: Record) -> None:
         """Take one record, in order; returns at once and never raises."""
         if isinstance(record, ForgetRecord):
-            self._forget(record)
+            below = f"{self._topics.base}/"
+            for topic in self._outbox.topics():
+                if record.has(topic.removeprefix(below)):
+                    self.clear(topic)
         else:
             self.announce(message_of(record, self._topics.base))
 
@@ -97,12 +99,6 @@ class Publisher:
                 reported = losses
                 due_s = self._clock.now_s() + EVERY_S
             await asyncio.sleep(LOOK_EVERY_S)
-
-    def _forget(self, gone: ForgetRecord) -> None:
-        for line in gone.lines:
-            self.clear(self._topics.of(LineRecord, line=line))
-        for topic in self._outbox.topics_below([self._topics.starter(starter) for starter in gone.starters]):
-            self.clear(topic)
 
     def _status(
         self, state: GatewayState, *, time_s: float | None, since_s: float | None, reason: str | None

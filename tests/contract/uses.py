@@ -5,22 +5,20 @@ from __future__ import annotations
 import ast
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 
 from gateway.contract import EventCode, ResultCode
+from gateway.contract.events import EVENTS
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.starters.command.wire import exception_result
 from gateway.starters.identity.standing import _CODES
 
 GATEWAY = Path(__file__).parents[2] / "gateway"
-MODULES = {path.relative_to(GATEWAY).as_posix(): path for path in sorted(GATEWAY.rglob("*.py"))}
 COMMANDS = [command for name in FAMILIES for command in load_profile(name).commands.values()]
 RESULT_MAKERS = ("CommandError", "Reason")
 FAULT = "BusFault"  # an event but for the line and its frames, which `Plant` adds
 ADDED_TO_FAULT = frozenset({"line", "unit", "frames"})
-NAMES_OF_RELOAD = "changes.to_dict()"  # the only fields of an event that no keyword names
 
 # Where the code or the case of a result is not written out: what it may be.
 CODES: dict[str, Collection[str]] = {
@@ -47,15 +45,11 @@ class Use:
     severity: str = ""  # empty: none is given; `?`: computed
 
 
-@cache
-def _calls() -> list[tuple[str, ast.Call]]:
-    trees = [(file, ast.parse(path.read_text("utf-8"))) for file, path in MODULES.items()]
-    return [(file, node) for file, tree in trees for node in ast.walk(tree) if isinstance(node, ast.Call)]
-
-
-def calls(*names: str) -> list[tuple[str, ast.Call]]:
-    """Return the calls of functions and methods by their last names, with their files; without names, all."""
-    return [(file, call) for file, call in _calls() if not names or callee(call) in names]
+def _calls() -> Iterator[tuple[str, ast.Call]]:
+    for path in sorted(GATEWAY.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            if isinstance(node, ast.Call):
+                yield path.relative_to(GATEWAY).as_posix(), node
 
 
 def callee(call: ast.Call) -> str:
@@ -64,7 +58,7 @@ def callee(call: ast.Call) -> str:
 
 def uses() -> Iterator[Use]:
     """Yield all of them; an expression that cannot be read off the source is an error."""
-    for file, call in calls():
+    for file, call in _calls():
         where, name, args = f"{file}:{call.lineno}", callee(call), call.args
         fields = frozenset(
             each.arg.removesuffix("_") for each in call.keywords if each.arg not in (None, "severity")
@@ -93,21 +87,12 @@ def _events(file: str, call: ast.Call, at: int, fields: frozenset[str]) -> Itera
         keys = given["fields"].keys if isinstance(given.get("fields"), ast.Dict) else ()  # type: ignore[union-attr]
         fields = ADDED_TO_FAULT | {str(ast.literal_eval(key)) for key in keys if key}
     elif None in given:
-        assert ast.unparse(given[None]) == NAMES_OF_RELOAD, ast.unparse(call)
-        fields |= _keys_of_reload()
+        fields |= EVENTS[EventCode.RELOADED].data.keys()  # `changes.to_dict()`, which the reloads check
     for code in _named(call.args[at], "EventCode"):
         for case in _cases([*call.args, *[None] * 3][case_at], file):
             table = "phrases" if name == "phrase" else "events"
             for severity in severities:
                 yield Use(f"{file}:{call.lineno}", table, code, case, fields, severity)
-
-
-def _keys_of_reload() -> frozenset[str]:
-    """Return the keys that `ConfigChanges.to_dict` writes down."""
-    module = ast.parse(MODULES["config/diff.py"].read_text("utf-8"))
-    (body,) = (each for each in ast.walk(module) if getattr(each, "name", "") == "to_dict")
-    (names,) = (each for each in ast.walk(body) if isinstance(each, ast.Dict))
-    return frozenset(ast.literal_eval(key) for key in names.keys if key is not None)
 
 
 def _named(node: ast.expr, kind: str) -> tuple[str, ...]:

@@ -27,11 +27,6 @@ class Packet:
     qos: int = 0  # of a PUBLISH
 
     @property
-    def topic(self) -> str:
-        size = int.from_bytes(self.body[:2], "big")
-        return self.body[2 : 2 + size].decode()
-
-    @property
     def packet_id(self) -> bytes:
         """Return the packet id of a QoS 1 publication or a subscription."""
         start = 2 + int.from_bytes(self.body[:2], "big") if self.kind == PUBLISH else 0
@@ -53,14 +48,14 @@ class FakeBroker:
     after_suback: bytes = b""
     port: int = 0
     levels: list[int] = field(default_factory=list)  # of the CONNECTs seen
-    received: asyncio.Queue[Packet] = field(default_factory=asyncio.Queue)  # without CONNECT and SUBSCRIBE
+    attempts: int = 0  # connections, also those whose handshake failed
 
     async def __aenter__(self) -> FakeBroker:
-        context = None
-        if self.tls is not None:
-            context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
-            context.load_cert_chain(self.tls.cert, self.tls.key)
-        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0, ssl=context)
+        self._context = None if self.tls is None else ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
+        if self._context is not None and self.tls is not None:
+            self._context.sni_callback = self._note_attempt
+            self.use(self.tls)
+        self._server = await asyncio.start_server(self._serve, "127.0.0.1", 0, ssl=self._context)
         self._writers: list[asyncio.StreamWriter] = []
         self.port = self._server.sockets[0].getsockname()[1]
         return self
@@ -73,20 +68,21 @@ class FakeBroker:
             writer.close()
         await asyncio.gather(*(writer.wait_closed() for writer in self._writers), return_exceptions=True)
 
-    async def publication(self, *, qos: int = 1) -> Packet:
-        """Return the next PUBLISH of at least this quality; 0: the proofs of freshness too."""
-        async with asyncio.timeout(10.0):
-            while (packet := await self.received.get()).kind != PUBLISH or packet.qos < qos:
-                pass
-        return packet
+    def use(self, certificate: Certificate) -> None:
+        """Show this certificate from now on."""
+        assert self._context is not None
+        self._context.load_cert_chain(certificate.cert, certificate.key)
+
+    def send(self, packet: bytes) -> None:
+        """Send to the newest connection."""
+        self._writers[-1].write(packet)
 
     def hang_up(self) -> None:
         """Close the newest connection."""
         self._writers[-1].close()
 
-    def acknowledge(self, packet: Packet) -> None:
-        reason = bytes([self.puback_code]) if self.puback_code else b""
-        self._writers[-1].write(bytes([0x40, 2 + len(reason)]) + packet.packet_id + reason)
+    def _note_attempt(self, *_: object) -> None:
+        self.attempts += 1
 
     async def _serve(self, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._writers.append(writer)
@@ -114,9 +110,9 @@ class FakeBroker:
         if packet.kind == PINGREQ:
             writer.write(b"\xd0\x00")
         if packet.kind == PUBLISH and packet.qos:
-            self.acknowledge(packet)
-        self.received.put_nowait(packet)
-        return True
+            reason = bytes([self.puback_code]) if self.puback_code else b""
+            writer.write(bytes([0x40, 2 + len(reason)]) + packet.packet_id + reason)
+        return packet.kind != DISCONNECT
 
 
 async def _read(reader: asyncio.StreamReader) -> Packet:

@@ -10,7 +10,7 @@ import json
 import random
 import sqlite3
 from collections import Counter
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Generator, Iterable, Iterator
 from dataclasses import dataclass, field, replace
 from datetime import datetime
 from functools import partial
@@ -125,8 +125,6 @@ class Model:
         self.disk = self._new_disk()
         self.released_s: dict[int, float] = {}  # what was staged before
         self.stored: set[int] = set()  # what the table has or had
-        self.ask: Callable[[], Any] | None = None  # what the disk is to do
-        self.answer: tuple[str, Any] | None = None  # what it has done
         self._begin()
 
     def _begin(self) -> None:
@@ -148,8 +146,8 @@ class Model:
         self.deletable: set[int] = set()  # acknowledged, and perhaps still in the table
         self.staged: dict[int, Message] = {}
         self.storing: list[OutboxRow] = []  # of them, with their commands, in transactions of their own
-        self.ask = self.answer = None
-        self.doing: tuple[str, Any] = ("", None)
+        self.under_way = Batch()  # what the disk is writing
+        self.disk_work = self._disk_work()
 
     # The plant.
 
@@ -275,85 +273,64 @@ class Model:
         self.disk.execute("COMMIT")
         return answer
 
-    def disk_step(self) -> None:
-        """Ask the disk for something, let it do it, or take its answer: one of them."""
-        if self.answer is not None:
-            self._take_answer()
-        elif self.ask is not None:
-            self._do()
-        else:
-            self._ask()
+    def _disk_work(self) -> Iterator[bool]:
+        """Have the disk read and write; yield between the moments, with whether there was nothing to do."""
+        while True:
+            self.outbox.hold_slow(self.now_s)
+            if self.is_connected and (gap := self.backlog.losses.declare(self.now_s)) is not None:
+                self.oracle.gaps[self._put_row("event", is_droppable=True)] = gap_of(gap)
+            wanted = self.backlog.wanted(is_sending=self.is_connected)
+            if not self.is_recalled:
+                found = yield from self._read(lambda c: (self.table.totals(c), self.table.losses(c)))
+                if found is not None:
+                    self.backlog.recall(*found)
+                    self.is_recalled = True
+            elif wanted and self.dice.random() < 0.7:
+                rank, after = self.dice.choice(wanted)
+                page = yield from self._read(partial(self.table.page, rank=rank, after=after, limit=7))
+                if page is not None:
+                    self.backlog.page(rank, page)
+            elif (batch := self.backlog.batch()) is not None:
+                self.under_way = batch
+                yield False
+                self._lose_table_perhaps()
+                is_done = self._write(batch)
+                yield False
+                (self.backlog.written if is_done else self.backlog.unwritten)(batch)
+                self.under_way = Batch()
+            else:
+                yield True
 
-    def _ask(self) -> None:
-        self.outbox.hold_slow(self.now_s)
-        if self.is_connected and (gap := self.backlog.losses.declare(self.now_s)) is not None:
-            self.oracle.gaps[self._put_row("event", is_droppable=True)] = gap_of(gap)
-        if not self.is_recalled:
-            self.doing = ("recall", None)
-            self.ask = partial(
-                self._transact,
-                lambda c: (self.table.totals(c), self.table.keys(c), self.table.losses(c)),
-            )
-            return
-        wanted = self.backlog.wanted(is_sending=self.is_connected)
-        if wanted and self.dice.random() < 0.7:
-            rank, after = self.dice.choice(wanted)
-            self.doing = ("page", rank)
-            self.ask = partial(self._transact, partial(self.table.page, rank=rank, after=after, limit=7))
-            return
-        self._ask_for_batch()
+    def _read(self, work: Callable[[sqlite3.Connection], Any]) -> Generator[bool, None, Any]:
+        """Return what the disk says, or None: it is asked for, done and reported in three moments."""
+        yield False
+        self._lose_table_perhaps()
+        answer = self._transact(work) if self.is_disk_well else None
+        yield False
+        self.is_unreadable = answer is None
+        return answer
 
-    def _ask_for_batch(self) -> bool:
-        """Have the next batch written; return whether there is one."""
-        batch = self.backlog.batch()
-        if batch is not None:
-            self.doing = ("batch", batch)
-            self.ask = partial(self._write_batch, batch)
-        return batch is not None
+    def _lose_table_perhaps(self) -> None:
+        if self.trouble.table_is_lost and self.dice.random() < 0.002:
+            self.disk = self._new_disk()
+            self.backlog.lose_table()
 
-    def _write_batch(self, batch: Batch) -> bool:
+    def _write(self, batch: Batch) -> bool:
         """Write it, and return whether that is said to be done; a full disk takes what deletes."""
-        if self.is_disk_well:
-            is_done = is_said = True
-        else:
+        is_done = is_said = True
+        if not self.is_disk_well:
             is_said = not batch.rows and self.dice.random() < 0.3
             is_done = is_said or self.dice.random() < 0.1
         if is_done:
-            self._transact(partial(self._write, batch))
+            self._transact(partial(self._store, batch))
             self.stored |= {_number_of(row.payload) for row in batch.rows}
         return is_said
 
-    def _write(self, batch: Batch, connection: sqlite3.Connection) -> None:
+    def _store(self, batch: Batch, connection: sqlite3.Connection) -> None:
         self.table.delete(connection, ((rank, id_) for id_, rank in batch.gone.items()))
         self.table.insert(connection, batch.rows)
         if batch.losses is not None:
             self.table.set_losses(connection, batch.losses)
-
-    def _do(self) -> None:
-        assert self.ask is not None
-        if not self.is_disk_well and self.doing[0] != "batch":
-            self.answer = ("failed", None)
-        else:
-            if self.trouble.table_is_lost and self.dice.random() < 0.002:
-                self.disk = self._new_disk()
-                self.backlog.lose_table()
-            self.answer = ("done", self.ask())
-        self.ask = None
-
-    def _take_answer(self) -> None:
-        assert self.answer is not None
-        (how, answer), (what, about), self.answer = self.answer, self.doing, None
-        self.is_unreadable = how == "failed" and what in ("recall", "page")
-        if what == "batch":
-            (self.backlog.written if answer else self.backlog.unwritten)(about)
-        elif how == "failed":
-            return
-        elif what == "recall":
-            self.is_recalled = True
-            totals, _keys, losses = answer
-            self.backlog.recall(totals, losses)
-        elif what == "page":
-            self.backlog.page(about, answer)
 
     def crash(self) -> None:
         """End the process: what must have been stored is, all else is excused."""
@@ -361,8 +338,7 @@ class Model:
         rows = dict(self.disk.execute("SELECT id, payload FROM outbox"))
         stored = {_number_of(payload) for payload in rows.values()}
         oracle = self.oracle
-        under_way = self.doing[1].gone if self.doing[0] == "batch" else ()
-        gone = {*self.backlog._gone, *under_way}
+        gone = {*self.backlog._gone, *self.under_way.gone}
         base = self.table._earlier or 0
         # Given up and not deleted: it comes after all, later than what came after it.
         oracle.displaced |= {_number_of(rows[id_ + base]) for id_ in gone if id_ + base in rows}
@@ -386,14 +362,9 @@ class Model:
 
     def settle(self) -> None:
         """Let the disk do all that waits, as far as it can."""
-        for _ in range(10_000):
-            self.disk_step()
-            if self.ask is None and self.answer is None and self.is_recalled:
-                self.outbox.hold_slow(self.now_s)
-                if not self._ask_for_batch():
-                    self.looked_s = self.now_s
-                    return
-            if not self.is_disk_well:
+        while self.is_disk_well:
+            if next(self.disk_work):
+                self.looked_s = self.now_s
                 return
 
     # All of it.
@@ -406,7 +377,7 @@ class Model:
                 if self.dice.random() < self.pace:
                     action()
         for _ in range(self.dice.randrange(3)):
-            self.disk_step()
+            next(self.disk_work)
         if self.storing and self.dice.random() < 0.3:
             self._store_staged()
         chance = self.dice.random()
@@ -440,10 +411,9 @@ class Model:
             self.send()
             self.receive()
             self.acknowledge()
-            self.disk_step()
             self.now_s += 1.0
-            is_over = self.outbox.is_idle and not self.wire and self.is_recalled
-            if is_over and self.ask is None and self.answer is None and not self.backlog.losses.pending:
+            is_over = next(self.disk_work) and self.outbox.is_idle and not self.wire
+            if is_over and not self.backlog.losses.pending:
                 return
         raise AssertionError(f"it never ends: {self.outbox.statistics(self.now_s)}")
 

@@ -6,9 +6,7 @@ from gateway.contract import StateRecord, Topics, is_level, to_level
 
 
 @pytest.mark.parametrize("name", ["", "Pump", "pump 1", "pump/1", "+", "#", "pumpe-ü", "pump\n"])
-def test_a_name_that_is_no_level_makes_no_branch_and_no_command(name: str) -> None:
-    with pytest.raises(ValueError, match="is no topic level"):
-        Topics("b").starter(name)
+def test_a_name_that_is_no_level_makes_no_command(name: str) -> None:
     with pytest.raises(ValueError, match="is no topic level"):
         Topics("b").command(name, "alice", "stop")
 

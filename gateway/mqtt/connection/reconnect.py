@@ -18,6 +18,8 @@ from gateway.errors import BrokerError
 from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.system.rate_limits import Backoff
 
+FIRST_RETRY_S = 0.5
+LAST_RETRY_S = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
 CLOSED = 2  # so often it is a refusal
 FIRST_FAILURE = 0x80  # reason codes from here on [MQTT5 2.4]
 UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for code 1 of [MQTT3 3.2.2.3]
@@ -67,7 +69,7 @@ class Attempts:
         self._forced = settings.version
         self.version = settings.version or Version.V5
         self._closed = 0
-        self._backoff = Backoff(settings.first_retry_s, settings.last_retry_s, seed=seed)
+        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=seed)
 
     def is_next_at_once(self, connack_code: int | None, *, is_closed: bool) -> bool:
         """Note that a connection could not be had; return whether to try at once again.

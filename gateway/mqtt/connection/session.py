@@ -39,6 +39,10 @@ CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "subscribe", "me
 CALLBACKS += [f"on_socket_{each}" for each in ("open", "close", "register_write", "unregister_write")]
 WITH_WILL = 0x04  # DISCONNECT [MQTT5 3.14.2.1]
 READ_FOR_S = 0.003  # before other tasks of the loop run
+ANSWER_S = 10.0  # how long the broker may take for CONNACK and SUBACK
+PONG_S = 15.0  # how long for PINGRESP; at least the keep-alive
+ACK_S = 30.0  # how long for a PUBACK
+WINDOW = 20  # unacknowledged messages at most; the broker may ask for less
 
 
 def _ignore(*_: int) -> None:
@@ -72,7 +76,7 @@ class Session:
         self.lost: asyncio.Future[str] = self._loop.create_future()
         self.notice: Event | None = None  # about the loss, when that needs an event of its own
         self.connack_code: int | None = None  # None: the broker never answered
-        self.window = settings.window
+        self.window = WINDOW
         self._client = self._make_client()
 
     async def connect(self) -> None:
@@ -221,12 +225,10 @@ class Session:
             self._subacks[packet_id] = on_answer
 
     async def _answer(self, answer: asyncio.Future[Any], name: str) -> Any:
-        await asyncio.wait(
-            [answer, self.lost], timeout=self._settings.answer_s, return_when=asyncio.FIRST_COMPLETED
-        )
+        await asyncio.wait([answer, self.lost], timeout=ANSWER_S, return_when=asyncio.FIRST_COMPLETED)
         if answer.done():
             return answer.result()
-        why = f": {self.lost.result()}" if self.lost.done() else f" within {self._settings.answer_s:g} s"
+        why = f": {self.lost.result()}" if self.lost.done() else f" within {ANSWER_S:g} s"
         raise BrokerError(f"broker {self._settings.address} sent no {name}{why}")
 
     # The loop's service of the socket.
@@ -275,11 +277,11 @@ class Session:
     def _tick(self) -> None:
         """Let paho send its pings and notice a silent broker; notice one that acknowledges nothing."""
         self._misc = self._loop.call_later(1.0, self._tick)
-        if not 0 < self._client.pinged_for_s() < self._settings.pong_s:  # else paho waits for one keep-alive
+        if not 0 < self._client.pinged_for_s() < PONG_S:  # else paho waits for one keep-alive
             self._client.loop_misc()
         oldest_s = min((sent_s for _, sent_s in self._tickets.values()), default=self._loop.time())
-        if self._loop.time() - oldest_s > self._settings.ack_s:
-            self._lose(f"the broker has not acknowledged a message for {self._settings.ack_s:g} s")
+        if self._loop.time() - oldest_s > ACK_S:
+            self._lose(f"the broker has not acknowledged a message for {ACK_S:g} s")
 
     def _lose_with(self, notice: Event) -> None:
         self.notice = notice
@@ -321,7 +323,7 @@ class Session:
         if code.is_failure:
             self._connack.set_exception(refused(self._settings.address, code.value, str(code)))
             return
-        self.window = min(self._settings.window, getattr(properties, "ReceiveMaximum", 65_535))
+        self.window = min(WINDOW, getattr(properties, "ReceiveMaximum", 65_535))
         self._max_packet = getattr(properties, "MaximumPacketSize", None)
         self._connack.set_result(None)
 

@@ -66,12 +66,6 @@ class BrokerSettings:
     tls: TlsSettings | None = None
     version: Version | None = None  # None: 5, or 3.1.1 where the broker refuses 5
     keepalive_s: int = 6
-    pong_s: float = 15.0  # how long the broker may take for PINGRESP; at least the keep-alive
-    window: int = 20  # unacknowledged messages at most; the broker may ask for less
-    answer_s: float = 10.0  # how long the broker may take for CONNACK and SUBACK
-    ack_s: float = 30.0  # how long for a PUBACK
-    first_retry_s: float = 0.5
-    last_retry_s: float = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
     largest_packet: int | None = None  # asked of the broker where MQTT 5 can; None: as for commands
     steady_s: float = 5.0  # a connection that held this long makes the next pause short again
     seed: int = field(default=0, compare=False)  # of the retries' jitter

@@ -71,6 +71,7 @@ class Backlog:
         self._staged: dict[tuple[str, bytes], int] = {}  # held rows that somebody else stores: key, payload
         self._unwritten: dict[int, bool] = {}  # with whether the table has it all the same, perhaps
         self._gone: dict[int, Rank] = {}
+        self._is_full = False  # perhaps: the latest batch could not be written
         self._needed: dict[str, int | None] = {}  # by key, what must stay; once delivered, its id
         self.history_credit = 0  # values that may be published late
         self.losses = Losses()
@@ -193,21 +194,23 @@ class Backlog:
     # What is to be written.
 
     def batch(self) -> Batch | None:
-        """Return what is to be written next: what is to be deleted, which makes room, before what is new."""
+        """Return what is to be written next: deletions with what is new, alone after a failure."""
         needed = frozenset(self._needed.values())
         deletable = (item for item in self._gone.items() if item[0] not in needed)
-        if gone := dict(islice(deletable, MOST_DELETED)):
-            self._gone = {id_: rank for id_, rank in self._gone.items() if id_ not in gone}
+        gone = dict(islice(deletable, MOST_DELETED))
+        self._gone = {id_: rank for id_, rank in self._gone.items() if id_ not in gone}
+        if gone and self._is_full:
             return Batch((), gone, self.losses.unstored(has_events=False))
+        self._is_full = False
         events = [id_ for id_ in self._unwritten if self._rows[id_].rank is not Rank.VALUE]
         values = (id_ for id_ in self._unwritten if self._rows[id_].rank is Rank.VALUE)
         has_events = len(events) <= MOST_ROWS
         ids = [*events, *islice(values, MOST_VALUES)][:MOST_ROWS]
         losses = self.losses.unstored(has_events=has_events)
-        if not ids and losses is None:
+        if not (ids or gone) and losses is None:
             return None
         self._unwritten.update(dict.fromkeys(ids, True))
-        return Batch([self._rows[id_] for id_ in ids], losses=losses, has_events=has_events)
+        return Batch([self._rows[id_] for id_ in ids], gone, losses, has_events)
 
     def written(self, batch: Batch) -> None:
         """Note that a batch is in the table."""
@@ -218,6 +221,7 @@ class Backlog:
 
     def unwritten(self, batch: Batch) -> None:
         """Note that a batch could not be written, as far as is known."""
+        self._is_full = True
         self._gone = {**batch.gone, **self._gone}
         if batch.losses is not None:
             self.losses.forget_stored()

@@ -17,7 +17,7 @@ What goes out next (`Outbox.take`), within the broker's window of unacknowledged
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from gateway.contract import HistoryRecord, Record, ValueRecord, history_item
@@ -120,10 +120,9 @@ class Outbox:
         if not self._window:
             self._hold(news)
 
-    def topics_below(self, branches: Iterable[str]) -> list[str]:
-        """Return the retained topics below these that have a message."""
-        below = tuple(f"{branch}/" for branch in branches)
-        return [topic for topic in self._latest if topic.startswith(below)]
+    def topics(self) -> list[str]:
+        """Return the retained topics that have a message."""
+        return [*self._latest]
 
     def connected(self, window: int) -> None:
         """Begin a connection on which `window` messages may be unacknowledged."""

@@ -3,23 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from datetime import UTC, datetime
 from typing import Any
 
 from tests.rig import RigPlant
-from tests.rig.rows import Action, Expectation
+from tests.rig.rows import Expectation
 
 TRIP, HEAL = "pump trip E05", "pump clear"
-
-
-def utc(plant: RigPlant, ago_s: float = 0.0) -> str:
-    """Return a wall time of the scenario as a client writes it."""
-    return datetime.fromtimestamp(plant.world.utc_s() - ago_s, UTC).isoformat(timespec="milliseconds")
-
-
-def issued(path: str, ago_s: float = 0.0, **fields: Any) -> Action:
-    """Publish a command that is dated by its client's clock alone."""
-    return lambda plant: plant.command(path, issued_at=utc(plant, ago_s), **fields)
 
 
 def broker(**fields: Any) -> Callable[[RigPlant], None]:
@@ -30,6 +19,11 @@ def broker(**fields: Any) -> Callable[[RigPlant], None]:
             setattr(plant.broker, name, value)
 
     return act
+
+
+def holds(is_so: Callable[[RigPlant], object]) -> Expectation:
+    """This is so; a failure names its line."""
+    return lambda plant: "" if is_so(plant) else f"not so: line {is_so.__code__.co_firstlineno}"
 
 
 def codes(topic: str, *expected: str, since: float = 0.0) -> Expectation:

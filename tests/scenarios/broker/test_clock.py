@@ -21,7 +21,8 @@ from tests.rig import (
     seen,
 )
 from tests.rig.sites import ALICE, QUICK, SSW07, operator, table
-from tests.scenarios.broker.support import count, issued
+from tests.scenarios.broker.support import count, holds
+from tests.scenarios.commands import issued, old_token
 
 START = "05 00 64 ff 00"
 BRIDGE = operator("dispatch", freshness="issued_at")
@@ -46,14 +47,6 @@ def asleep(for_s: float) -> Callable[[RigPlant], None]:
     return act
 
 
-def keep(plant: RigPlant) -> None:
-    plant.old = plant.token()  # type: ignore[attr-defined]
-
-
-def start_with_it(plant: RigPlant) -> None:
-    plant.command("pump/alice/start", token=plant.old, ttl_s=60)  # type: ignore[attr-defined]
-
-
 def synchronised(is_it: bool) -> Callable[[RigPlant], None]:
     return lambda plant: setattr(plant, "is_clock_synchronised", is_it)
 
@@ -63,7 +56,7 @@ DATED = [
         f"a command that is dated {ago_s} s ago, with {ttl_s} s to live, is {code}",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
-        at={70.0: issued("pump/alice/start", ago_s, ttl_s=ttl_s)},
+        at={70.0: issued(ago_s, ttl_s=ttl_s)},
         then={74.0: [result(f"start {code}"), frames("pump", *([START] if code == "confirmed ok" else []))]},
     )
     for ago_s, ttl_s, code in (
@@ -91,39 +84,35 @@ PROOFS = [
         "a token is too old after five seconds, or after what the command says",
         given=SSW07 + ALICE,
         at={
-            4.0: keep,
-            10.0: lambda plant: plant.command("pump/alice/start", token=plant.old),  # type: ignore[attr-defined]
-            11.0: start_with_it,
+            10.0: old_token("pump/alice/start", of_s=4.0),
+            11.0: old_token("pump/alice/start", of_s=4.0, ttl_s=60),
         },
         then={10.5: [result("start rejected expired"), frames("pump")], 14.0: [result("start confirmed ok")]},
     ),
     row(
         "an expired proof is saved by no other",
         given=SSW07 + ALICE,
-        at={70.0: lambda plant: issued("pump/alice/start", 20.0, token=plant.token())(plant)},  # type: ignore[operator]
+        at={70.0: lambda plant: issued(20.0, token=plant.token())(plant)},  # type: ignore[operator]
         then={72.0: [result("start rejected expired"), frames("pump")]},
     ),
     row(
         "who has freshness by issued_at is refused with a token alone, and taken with a date",
         given=SSW07 + BRIDGE,
         sim={"pump": QUICK},
-        at={68.0: command("pump/dispatch/start"), 70.0: issued("pump/dispatch/start", 1.0)},
+        at={68.0: command("pump/dispatch/start"), 70.0: issued(1.0, "pump/dispatch/start")},
         then={
             69.0: result("start rejected not_fresh", client="dispatch"),
             74.0: [result("start confirmed ok", client="dispatch"), frames("pump", START)],
         },
     ),
-    row(
-        "a date of before this run is refused, however long it may live",
-        given=SSW07 + ALICE,
-        at={70.0: "restart", 76.0: issued("pump/alice/start", 30.0, ttl_s=60)},
-        then={78.0: [result("start rejected before_connection"), frames("pump")]},
-    ),
-    row(
-        "a date of before this connection is refused",
-        given=SSW07 + ALICE,
-        at={70.0: "broker drops", 76.0: issued("pump/alice/start", 30.0, ttl_s=60)},
-        then={78.0: [result("start rejected before_connection"), frames("pump")]},
+    *(
+        row(
+            f"a date of before this {what} is refused, however long it may live",
+            given=SSW07 + ALICE,
+            at={70.0: ends, 76.0: issued(30.0, ttl_s=60)},
+            then={78.0: [result("start rejected before_connection"), frames("pump")]},
+        )
+        for what, ends in (("run", "restart"), ("connection", "broker drops"))
     ),
 ]
 
@@ -134,10 +123,10 @@ STEPS = [
         sim={"pump": QUICK},
         at={
             70.0: step(by_s),
-            75.0: issued("pump/alice/start"),
+            75.0: issued(0.0),
             80.0: command("pump/alice/start"),
             84.0: command("pump/alice/stop"),
-            150.0: issued("pump/alice/start"),
+            150.0: issued(0.0),
         },
         then={
             76.0: [result("start rejected not_fresh"), event("clock_stepped", severity="warning")],
@@ -154,7 +143,7 @@ CLOCKS = [
         given=AUTO + SSW07 + ALICE,
         sim={"pump": QUICK},
         before=synchronised(False),
-        at={70.0: issued("pump/alice/start"), 72.0: command("pump/alice/start")},
+        at={70.0: issued(0.0), 72.0: command("pump/alice/start")},
         then={71.0: result("start rejected not_fresh"), 76.0: result("start confirmed ok")},
     ),
     row(
@@ -186,15 +175,13 @@ STANDSTILLS = [
     row(
         "after the machine slept no token of before counts, and the status has another boot",
         given=SSW07 + ALICE,
-        at={5.0: [keep, asleep(60.0)], 7.0: start_with_it},
+        at={5.0: asleep(60.0), 7.0: old_token("pump/alice/start", of_s=4.0, ttl_s=60)},
         then={
             8.0: [
                 event("stood_still", severity="warning"),
                 result("start rejected not_fresh"),
                 frames("pump"),
-                lambda plant: (
-                    "" if len({m.json["boot"] for m in plant.messages("gateway/status")}) > 1 else "one boot"
-                ),
+                holds(lambda plant: len({m.json["boot"] for m in plant.messages("gateway/status")}) > 1),
             ]
         },
     ),
@@ -212,9 +199,7 @@ STANDSTILLS = [
             20.0: [
                 seen("result/pump/alice", verb="start", phase="rejected"),
                 seen("result/pump/alice", verb="stop", phase="confirmed"),
-                lambda plant: (
-                    "" if START not in [pdu for _, pdu in plant.starter("pump").writes] else "started"
-                ),
+                holds(lambda plant: START not in [pdu for _, pdu in plant.starter("pump").writes]),
             ]
         },
     ),

@@ -22,7 +22,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
-from tests.scenarios.broker.support import HEAL, TRIP, afresh, broker, codes, count, order
+from tests.scenarios.broker.support import HEAL, TRIP, afresh, broker, codes, count, holds, order
 
 START = "05 00 64 ff 00"
 
@@ -139,9 +139,7 @@ OUTAGES = [
         then={
             25.0: [
                 codes("gateway/event", "broker_away", "broker_away", "broker_connected", since=10.0),
-                lambda plant: (
-                    "" if len({m.json["boot"] for m in plant.messages("gateway/status")}) == 2 else "one boot"
-                ),
+                holds(lambda plant: len({m.json["boot"] for m in plant.messages("gateway/status")}) == 2),
             ]
         },
     ),
@@ -255,7 +253,7 @@ STALLS = [
         "a stop that a stalled broker held stops when it comes",
         given=SSW07 + ALICE,
         at={5.0: "broker stalls", 5.1: command("pump/alice/stop", fresh=False), 9.0: "broker goes"},
-        then={8.9: frames("pump"), 9.5: lambda plant: "" if plant.starter("pump").writes else "no stop"},
+        then={8.9: frames("pump"), 9.5: holds(lambda plant: plant.starter("pump").writes)},
     ),
     row(
         "a half-open connection is given up, and a new one has new tokens",
@@ -266,11 +264,11 @@ STALLS = [
                 event("broker_away"),
                 afresh(40.0),
                 count("gateway/fresh", 25, since=40.0, at_least=15),
-                lambda plant: (
-                    ""
-                    if len({m.json["token"] for m in plant.messages("gateway/fresh")})
-                    == len(plant.messages("gateway/fresh"))
-                    else "a token came twice"
+                holds(
+                    lambda plant: (
+                        len({m.json["token"] for m in plant.messages("gateway/fresh")})
+                        == len(plant.messages("gateway/fresh"))
+                    )
                 ),
             ]
         },
