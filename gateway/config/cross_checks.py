@@ -38,7 +38,7 @@ _UNIQUE = {
 
 
 def wrong_across(document: Document) -> Iterator[Mistake]:
-    """Yield keys that must differ, and names, codes and rules that lack what they belong to."""
+    """Yield values that must differ, and names, codes and feeders without their counterpart."""
     tables = dict(chain(*(_at(document, path) for path in ("line.starter", "points", "row"))))
     found = {key: table.get("family") for key, table in tables.items() if isinstance(table, dict)}
     families = {key: family if family in FAMILIES else None for key, family in found.items()}
