@@ -6,7 +6,10 @@ none in others (`wrong_across`); the rest is judged of a configuration that has 
 
 from __future__ import annotations
 
+import os
+import posixpath
 from collections.abc import Iterator, Mapping
+from contextlib import suppress
 from fnmatch import fnmatchcase
 from itertools import chain
 from typing import Any
@@ -84,12 +87,21 @@ def _alike(document: Document, families: _Families) -> Iterator[Mistake]:
     for paths, hint in _UNIQUE.items():
         seen: dict[object, Key] = {}
         for key, value in chain(*(_at(document, path) for path in paths)):
-            scope = key[1] if key[-1] == "address" else families.get(key[:2])
             if type(value) not in (str, int):
                 continue
-            if (scope, value) in seen:
-                yield Mistake(key, f"{short(value)} is also {spell(seen[scope, value])}", hint)
-            seen.setdefault((scope, value), key)
+            scope = key[1] if key[-1] == "address" else families.get(key[:2])
+            compared = scope, _adapter(str(value)) if key[-1] == "port" else value
+            if compared in seen:
+                yield Mistake(key, f"{short(value)} is also {spell(seen[compared])}", hint)
+            seen.setdefault(compared, key)
+
+
+def _adapter(port: str) -> object:
+    """Return what all names of an adapter have in common: its device number, while it is plugged in."""
+    with suppress(OSError, ValueError):
+        if number := posixpath.isabs(port) and os.stat(port).st_rdev:
+            return number
+    return posixpath.normpath(port)
 
 
 def _unfitting(key: Key, pattern: str, starters: Mapping[Key, str], families: _Families) -> Iterator[Mistake]:

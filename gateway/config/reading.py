@@ -35,8 +35,8 @@ def parse(text: str, path: str, *, check: Check = lambda _: []) -> Config:
         config = Config.model_validate(document)
     except ValidationError as error:
         wrong = explain(error)
-    told = {mistake.key for mistake in wrong}
-    mistakes = [*wrong, *(mistake for mistake in wrong_across(document) if mistake.key not in told)]
+    named = {mistake.key for mistake in wrong}
+    mistakes = [*wrong, *(mistake for mistake in wrong_across(document) if mistake.key not in named)]
     if config is not None and not mistakes:
         mistakes = list(broken_rules(config)) or check(config)
     if config is None or mistakes:
