@@ -125,10 +125,10 @@ def _reading(profile: Profile, rule: str, points: Mapping[str, Any]) -> str | No
     match rule:
         case "is_ready":
             return _state(profile, points)
-        case "is_stopped":
-            return _motion(profile, points)
-        case "serial_controls":
-            readings = (_other_than(points, name, is_on=False) for name in _foreign_control(profile))
+        case "is_stopped" | "serial_controls":  # none of these points is true
+            names = _needed(profile, rule)
+            known = (name for name in names if points.get(name) is not None or is_decisive(profile, name))
+            readings = (_other_than(points, name, is_on=False) for name in known)
             return next(filter(None, readings), None)
         case "no_fault" | "has_fault":
             return _other_than(points, "fault", is_on=rule == "has_fault")
@@ -141,15 +141,6 @@ def _other_than(points: Mapping[str, Any], name: str, *, is_on: bool) -> str | N
     if value is None:
         return f"{name}{IS_UNKNOWN}"
     return None if bool(value) is is_on else f"{name} is {str(value).lower()}"
-
-
-def _motion(profile: Profile, points: Mapping[str, Any]) -> str | None:
-    for name in moving(profile):
-        if points.get(name):
-            return f"{name} is true"
-        if points.get(name) is None and is_decisive(profile, name):
-            return f"{name}{IS_UNKNOWN}"
-    return None
 
 
 def _state(profile: Profile, points: Mapping[str, Any]) -> str | None:
