@@ -219,12 +219,6 @@ class HistoryRows(Model):
     hours: str = ""  # its own count of the time in operation, s
     energy: str = ""  # its own count, kWh
 
-    @property
-    def codes(self) -> tuple[str, ...]:
-        """All rows that are named here."""
-        one = (self.thermal, self.cooling, self.after_stop, self.between_starts, self.hours, self.energy)
-        return (*self.fault_history, *self.at_fault, *self.at_start, *(code for code in one if code))
-
 
 class Profile(Model):
     """A family, whole. It equals itself alone, so that what follows from it can be remembered by it."""
