@@ -109,15 +109,10 @@ def _needed(profile: Profile, rule: str) -> tuple[str, ...]:
     if rule == "is_ready":
         return ("fault", *state.ready, *moving(profile), *state.waiting, state.adjusting)
     if rule == "serial_controls":
-        return _foreign_control(profile)
+        return profile.points["remote"].none_of  # where one of these is true, another is in control
     if rule == "is_stopped":
         return moving(profile)
     return ("fault",) if rule in ("no_fault", "has_fault") else (rule,)
-
-
-def _foreign_control(profile: Profile) -> tuple[str, ...]:
-    """Return the points that say that another is in control: none of them is true in remote mode."""
-    return profile.points["remote"].none_of if "remote" in profile.points else ()
 
 
 def _reading(profile: Profile, rule: str, points: Mapping[str, Any]) -> str | None:
