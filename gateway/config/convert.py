@@ -26,12 +26,9 @@ def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, .
 
 def wired_starters(line: LineTable) -> tuple[WiredStarter, ...]:
     """Return the starters of a line as its cable passes them, without the disabled ones."""
-    setups = [setup for setup in setups_of(line) if setup.is_enabled]
-    if line.order is None:
-        setups.sort(key=lambda setup: setup.address)
-    else:
-        places = {name: place for place, name in enumerate(line.order)}
-        setups.sort(key=lambda setup: places[setup.name])
+    places = {name: place for place, name in enumerate(line.order or ())}
+    enabled = (setup for setup in setups_of(line) if setup.is_enabled)
+    setups = sorted(enabled, key=lambda setup: (places.get(setup.name, 0), setup.address))
     return tuple(
         WiredStarter(setup.name, setup.address, setup.response_time_s or setup.profile.timing.read_s)
         for setup in setups

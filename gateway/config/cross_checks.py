@@ -1,28 +1,32 @@
-"""Rules across tables: names that must differ, names that must exist, and what needs the whole site.
+"""Rules across tables: names that must differ, names and codes that must exist, rules of the whole site.
 
-Names are looked up in the document as it is written, so that a mistake in one table hides none in others; the
-rest is judged of the document without the keys that are wrong by themselves.
+What people name or ask for is judged in the document as it is written, so that a mistake in one table hides
+none in others (`wrong_across`); the rest is judged of a configuration that has no other mistakes.
 """
 
 from __future__ import annotations
 
-import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
-from fnmatch import filter as fitting
+import os
+import posixpath
+from collections.abc import Iterator, Mapping
+from contextlib import suppress
+from fnmatch import fnmatchcase
+from itertools import chain
 from typing import Any
+
+from pydantic import ValidationError
 
 from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX, HomeAssistantTable
 from gateway.config.mistakes import Key, Mistake, choose, short, spell
-from gateway.config.schema import Config, StarterTable
-from gateway.config.site_tables import PointsTable, rows_of
-from gateway.config.values import GLOB_PATTERN
-from gateway.families import Profile, extension, load_profile
+from gateway.config.schema import Config, SharedRulesTable
+from gateway.config.site_tables import RowTable, rows_of
+from gateway.families import FAMILIES, extension, load_profile
 from gateway.starters import OWN_POINT_NAMES
 
 SPARKPLUG_NAMESPACE = "spBv1.0"
 
 Document = Mapping[str, Any]
-
+_Families = Mapping[Key, str | None]  # by the keys of tables; None: not known
 
 # Keys of which no two may be alike, and why. A command's topic must name one target: a starter or a group.
 _UNIQUE = {
@@ -31,51 +35,33 @@ _UNIQUE = {
     ("line.starter.name", "group.name"): "each starter needs its own name, and so does each group",
     ("line.starter.address",): "each starter on a line needs its own address",
     ("web.user.name",): "each login needs its own name",
+    ("row.parameter",): "describe each row once",
+    ("row.name",): "each row needs its own name",
 }
 
 
-def wrong_names(document: Document) -> Iterator[Mistake]:
-    """Yield names that stand twice, and names of what is not there."""
-    for paths, hint in _UNIQUE.items():
-        seen: dict[object, Key] = {}
-        for key, value in (found for path in paths for found in _at(document, path)):
-            compared = (key[1], value) if key[-1] == "address" else value  # those of one line
-            yield from _again(seen, key, value, compared, hint)
-    names = [str(name) for _, name in _at(document, "line.starter.name")]
+def wrong_across(document: Document) -> Iterator[Mistake]:
+    """Yield values that must differ, and names, codes and feeders without their counterpart."""
+    tables = dict(chain(*(_at(document, path) for path in ("line.starter", "points", "row"))))
+    found = {key: table.get("family") for key, table in tables.items() if isinstance(table, dict)}
+    families = {key: family if family in FAMILIES else None for key, family in found.items()}
+    starters = {key[:-1]: str(name) for key, name in _at(document, "line.starter.name")}
+    yield from _alike(document, families)
     for table in ("operator", "rules", "group", "points"):
         for key, pattern in _at(document, f"{table}.starters"):
-            is_pattern = isinstance(pattern, str) and re.fullmatch(GLOB_PATTERN[1:-1], pattern)
-            if is_pattern and not fitting(names, str(pattern)):
-                yield Mistake(
-                    key, f"{short(pattern)} fits no starter", choose(pattern, names) if names else ""
-                )
+            yield from _unfitting(key, str(pattern), starters, families)
     clients = [str(client) for _, client in _at(document, "operator.client")]
     for table in ("web.user", "homeassistant", "sparkplug"):
         for key, client in _at(document, f"{table}.operator"):
             if client not in clients:
                 hint = choose(client, clients) if clients else "add an [[operator]] with this client"
                 yield Mistake(key, f"{short(client)} is no [[operator]]'s client", hint)
+    yield from _wrong_codes(document, families)
+    yield from _half_feeders(document, starters)
 
 
 def broken_rules(config: Config) -> Iterator[Mistake]:
-    """Yield every mistake that no single table shows."""
-    key: Key
-    for at, line in enumerate(config.lines):
-        families = dict.fromkeys(each.family for each in line.starters)
-        yield from _codes(("line", at, "points"), line.points, config, families)
-        for place, starter in enumerate(line.starters):
-            key = ("line", at, "starter", place)
-            yield from _feeder(key, starter, config)
-            yield from _codes((*key, "points"), starter.points, config, [starter.family])
-    for at, points in enumerate(config.points):
-        yield from _codes(("points", at, "codes"), points.codes, config, [points.family])
-        yield from _of_other_families(("points", at, "starters"), points, config)
-    codes: dict[object, Key] = {}
-    names: dict[object, Key] = {}
-    for at, row in enumerate(config.rows):
-        key, code, name = ("row", at), row.parameter, row.name
-        yield from _again(codes, (*key, "parameter"), code, (row.family, code), "describe each row once")
-        yield from _again(names, (*key, "name"), name, (row.family, name), "each row needs its own name")
+    """Yield every mistake that the whole site shows."""
     yield from _traced(config)
     if config.home_assistant is not None:
         yield from _home_assistant(config.home_assistant, config.base)
@@ -96,36 +82,76 @@ def _at(document: Any, path: str, key: Key = ()) -> Iterator[tuple[Key, object]]
         yield from _at(document[name], rest, (*key, name))
 
 
-def _again(
-    seen: dict[object, Key], key: Key, value: object, compared: object, hint: str
-) -> Iterator[Mistake]:
-    """Yield a value that another key has too; `seen` is what came before. Only texts and numbers are."""
-    if type(value) not in (str, int):
+def _alike(document: Document, families: _Families) -> Iterator[Mistake]:
+    """Yield values that another key has too: of addresses on the same line, of rows in the same family."""
+    for paths, hint in _UNIQUE.items():
+        seen: dict[object, Key] = {}
+        for key, value in chain(*(_at(document, path) for path in paths)):
+            if type(value) not in (str, int):
+                continue
+            scope = key[1] if key[-1] == "address" else families.get(key[:2])
+            compared = scope, _adapter(str(value)) if key[-1] == "port" else value
+            if compared in seen:
+                yield Mistake(key, f"{short(value)} is also {spell(seen[compared])}", hint)
+            seen.setdefault(compared, key)
+
+
+def _adapter(port: str) -> object:
+    """Return what all names of an adapter have in common: its device number, while it is plugged in."""
+    with suppress(OSError, ValueError):
+        if number := posixpath.isabs(port) and os.stat(port).st_rdev:
+            return number
+    return posixpath.normpath(port)
+
+
+def _unfitting(key: Key, pattern: str, starters: Mapping[Key, str], families: _Families) -> Iterator[Mistake]:
+    """Yield a pattern that fits no starter; of [[points]] also one that fits none of their family."""
+    fitting = [at for at, name in starters.items() if fnmatchcase(name, pattern)]
+    found, wanted = {families.get(at) for at in fitting}, families.get(key[:2])
+    if not fitting:
+        hint = choose(pattern, starters.values()) if starters else ""
+        yield Mistake(key, f"{short(pattern)} fits no starter", hint)
+    elif wanted is not None and not found & {wanted, None}:
+        hint = f"such starters are of {' and '.join(sorted(map(str, found)))}"
+        yield Mistake(key, f"{short(pattern)} fits no {wanted}", hint)
+
+
+def _wrong_codes(document: Document, families: _Families) -> Iterator[Mistake]:
+    """Yield codes and patterns that fit no readable row of the families of their table.
+
+    Nothing is said where a family or a row is wrong that may have them.
+    """
+    try:
+        rows = [RowTable.model_validate(table) for _, table in _at(document, "row")]
+    except ValidationError:
         return
-    if compared in seen:
-        yield Mistake(key, f"{short(value)} is also {spell(seen[compared])}", hint)
-    seen.setdefault(compared, key)
+    for path in ("line.points", "line.starter.points", "points.codes"):
+        for key, code in _at(document, path):
+            table = key[:-2]
+            of_line = (family for at, family in families.items() if at[: len(table)] == table)
+            own = [families[table]] if table in families else list(dict.fromkeys(of_line))
+            if not own or None in own or not isinstance(key[-1], int):
+                continue
+            profiles = [
+                extension.extended(load_profile(str(each)), rows_of(str(each), rows), ()) for each in own
+            ]
+            if not any(extension.matching(profile, str(code)) for profile in profiles):
+                yield Mistake(key, *extension.why_no_row(profiles, str(code)))
 
 
-def _codes(key: Key, patterns: Sequence[str], config: Config, families: Iterable[str]) -> Iterator[Mistake]:
-    """Yield codes and patterns that fit no readable row of any of these families."""
-    profiles = [_profile(family, config) for family in families] if patterns else []
-    for position, pattern in enumerate(patterns):
-        if not any(extension.matching(profile, pattern) for profile in profiles):
-            yield Mistake((*key, position), *extension.why_no_row(profiles, pattern))
-
-
-def _of_other_families(key: Key, points: PointsTable, config: Config) -> Iterator[Mistake]:
-    """Yield names and patterns of starters of which none is of the family, so that they ask for nothing."""
-    for position, pattern in enumerate(points.starters if "starters" in points.model_fields_set else ()):
-        found = {starter.family for starter in config.starters if starter.is_among([pattern])}
-        if points.family not in found:
-            what = f"{short(pattern)} fits no {points.family}"
-            yield Mistake((*key, position), what, f"such starters are of {' and '.join(sorted(found))}")
-
-
-def _profile(family: str, config: Config) -> Profile:
-    return extension.extended(load_profile(family), rows_of(family, config.rows), ())
+def _half_feeders(document: Document, starters: Mapping[Key, str]) -> Iterator[Mistake]:
+    """Yield starters with a feeder that is named without a time, or a time without a feeder."""
+    shared = [table for _, table in _at(document, "rules") if isinstance(table, dict)]
+    own = {key[:-1]: table for key, table in _at(document, "line.starter.rules") if isinstance(table, dict)}
+    for at, name in starters.items():
+        fitting = [
+            each for each in shared if any(fnmatchcase(name, str(p)) for _, p in _at(each, "starters"))
+        ]
+        given = {*own.get(at, ()), *chain(*fitting)}
+        for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
+            if one in given and other not in given and given <= {*SharedRulesTable.model_fields}:
+                hint = "a feeder and the time between two starts on it go together"
+                yield Mistake((*at, "name"), f"{short(name)} has {one} without {other}", hint)
 
 
 def _traced(config: Config) -> Iterator[Mistake]:
@@ -135,18 +161,6 @@ def _traced(config: Config) -> Iterator[Mistake]:
         if name not in points:
             hint = choose(name, sorted(points), otherwise="the topics B/starter/+/info list all points")
             yield Mistake(("history", "values", position), f"{short(name)} is a point of no starter", hint)
-
-
-def _feeder(key: Key, starter: StarterTable, config: Config) -> Iterator[Mistake]:
-    """Yield a feeder that is named without a time, or a time without a feeder."""
-    given = set(starter.rules.model_fields_set if starter.rules else ())
-    for rules in config.rules:
-        if starter.is_among(rules.starters):
-            given |= rules.model_fields_set
-    for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
-        if one in given and other not in given:
-            hint = "a feeder and the time between two starts on it go together"
-            yield Mistake((*key, "name"), f"{short(starter.name)} has {one} without {other}", hint)
 
 
 def _home_assistant(table: HomeAssistantTable, base: str) -> Iterator[Mistake]:

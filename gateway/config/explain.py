@@ -17,8 +17,6 @@ _PASTE = "paste the line that starter-gateway web-password prints"
 _MISSING = {
     "web.user.operator": "name the client of an [[operator]]: the login has its rights",
     "web.user.password": _PASTE,
-    "gateway": "a table [gateway] is needed",
-    "mqtt": "a table [mqtt] is needed",
 }
 _REMOVED = {  # keys, and values of keys, that earlier versions knew, with the remedy
     "operator.freshness = boot": "leave it out; the client sends the token of B/gateway/fresh, or issued_at",
@@ -42,13 +40,14 @@ def _words(detail: ErrorDetails) -> tuple[str, str]:
     table, name = [part for part in detail["loc"][:-1] if isinstance(part, str)], detail["loc"][-1]
     header = ".".join([*table, name] if isinstance(name, str) else table)
     several = f"at least one [[{header}]] is needed" if header in REPEATED_TABLES else ""
+    needed = several or (f"a table [{header}] is needed" if header in TABLES else "")
     if remedy := _REMOVED.get(header if kind == "extra_forbidden" else f"{header} = {value}"):
         return "was removed in 0.3.0", remedy
     match kind:
         case "wrong":
             return ctx["what"], ctx["hint"]
         case "missing":
-            return "is missing", _MISSING.get(header, several)
+            return "is missing", _MISSING.get(header, needed)
         case "extra_forbidden":
             return "unknown key", choose(name, TABLES[".".join(table)])
         case "string_pattern_mismatch" if ctx["pattern"] == LINE_PATTERN:  # perhaps a password: not shown

@@ -43,9 +43,7 @@ class LoginTable(ConfigTable):
 
     username: Text | None = Field(None, description="Login at the broker; absent: none.")
     password_file: Text | None = Field(
-        None,
-        description="File with the password in one line, for its owner only; or a systemd credential, "
-        "mqtt.password or sparkplug.password; or, at [mqtt], STARTER_GATEWAY_MQTT_PASSWORD.",
+        None, description="Its owner's alone, one line; or a credential, or STARTER_GATEWAY_MQTT_PASSWORD."
     )
     ca_file: Text | None = Field(None, description="The broker's authority, PEM; absent: the system's.")
     cert_file: Text | None = Field(None, description="The client's certificate, PEM; with key_file.")
@@ -146,9 +144,7 @@ class MetricsTable(ConfigTable):
 
     all_points: bool = Field(default=False, description="Adds every point that is a number, as point_value.")
     token_file: Text | None = Field(
-        None,
-        description="File with the token that a scrape must carry, for its owner only; or a systemd "
-        "credential, metrics.token; without: none is needed from this machine, or by TLS.",
+        None, description="File with a scrape's token, its owner's alone; or the credential metrics.token."
     )
     textfile: PromFile | None = Field(None, description="File for node-exporter, written every 15 s.")
 
@@ -159,9 +155,7 @@ class HomeAssistantTable(ConfigTable):
     discovery_prefix: Topic = Field(DEFAULT_DISCOVERY_PREFIX, description="The discovery prefix set there.")
     birth_topic: Topic | None = Field(None, description='Where it publishes "online"; absent: PREFIX/status.')
     operator: Name | None = Field(
-        None,
-        description="Home Assistant's login at the broker, the `client` of an [[operator]]; its rights "
-        "decide which buttons there are. Absent: none.",
+        None, description="Its login at the broker, the `client` of an [[operator]], whose rights it has."
     )
     commands: bool = Field(default=False, description="Buttons for start and reset too, beside stop.")
     page_url: Url | None = Field(None, description="The page as others reach it; shown at each device.")
@@ -173,9 +167,7 @@ class SparkplugTable(LoginTable):
     group: SparkplugId = Field(description="The group id: the first level that hosts sort nodes by.")
     node: SparkplugId | None = Field(None, description="The edge node id; absent: the gateway's name.")
     urls: Several[BrokerUrl] = Field(
-        (),
-        description="Servers of its own, tried one after the other, with the login and certificates of this "
-        "table; absent: the broker, login and certificates of [mqtt].",
+        (), description="Servers of its own, in this order, with this table's login; absent: that of [mqtt]."
     )
     mqtt_version: MqttVersion = Field("auto", description="The version of MQTT; auto: 5, else 3.1.1.")
     keepalive_s: int = Field(15, ge=5, le=3600, description="After so long without traffic a ping is sent.")

@@ -3,23 +3,18 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable, Sequence
-from contextlib import suppress
-from copy import deepcopy
-from itertools import dropwhile
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.config.cross_checks import broken_rules, wrong_names
+from gateway.config.cross_checks import broken_rules, wrong_across
 from gateway.config.explain import explain
-from gateway.config.mistakes import Key, Mistake, spell
+from gateway.config.mistakes import Mistake, spell
 from gateway.config.schema import Config
 from gateway.config.toml_lines import line_of, locate, syntax_problem
 from gateway.errors import ConfigError, Problem
-
-_DECIDING = {"base", "homeassistant", "metrics", "points", "row", "rules"}  # rules across tables hang on them
 
 Check = Callable[[Config], list[Mistake]]
 
@@ -35,39 +30,18 @@ def load(path: str | Path, *, check: Check = lambda _: []) -> Config:
 def parse(text: str, path: str, *, check: Check = lambda _: []) -> Config:
     """Do as `load` with a TOML text; `path` is what messages call it."""
     document = _document(text, path)
-    mistakes = list(wrong_names(document))
-    config = None
+    config, wrong = None, list[Mistake]()
     try:
         config = Config.model_validate(document)
-        mistakes += broken_rules(config)
     except ValidationError as error:
         wrong = explain(error)
-        mistakes += [*wrong, *_beside(document, [mistake.key for mistake in wrong])]
+    named = {mistake.key for mistake in wrong}
+    mistakes = [*wrong, *(mistake for mistake in wrong_across(document) if mistake.key not in named)]
     if config is not None and not mistakes:
-        mistakes = check(config)
+        mistakes = list(broken_rules(config)) or check(config)
     if config is None or mistakes:
         raise ConfigError(path, _problems(text, mistakes))
     return config
-
-
-def _beside(document: dict[str, Any], wrong: Sequence[Key]) -> list[Mistake]:
-    """Return what breaks a rule across tables beside wrong keys, by the document without these.
-
-    Nothing is said where a wrong key is needed, or is one on which such a rule hangs.
-    """
-    rest = deepcopy(document)
-    for key in wrong:
-        name, *way = dropwhile(lambda part: isinstance(part, int), reversed(key))  # of a list the whole
-        if not way or not _DECIDING.isdisjoint(key):
-            return []
-        with suppress(LookupError, TypeError):  # a key that is missing, or left out already
-            table: Any = rest
-            for part in reversed(way):
-                table = table[part]
-            del table[name]
-    with suppress(ValidationError):
-        return list(broken_rules(Config.model_validate(rest)))
-    return []  # one of them is needed
 
 
 def _read(path: str | Path) -> str:

@@ -210,7 +210,7 @@ class Config(ConfigTable):
     gateway: GatewayTable = Field(description="Who this gateway is.")
     mqtt: MqttTable = Field(description="The broker and the way to it.")
     lines: Several[LineTable] = Field(alias="line", min_length=1, description="The RS-485 lines.")
-    operators: Several[OperatorTable] = Field((), alias="operator", description="Commands; none: read-only.")
+    operators: Several[OperatorTable] = Field((), alias="operator", description="Clients that may command.")
     rules: Several[SharedRulesTable] = Field((), description="Rules for several starters; a later one wins.")
     groups: Several[GroupTable] = Field((), alias="group", description="Starters that one command stops.")
     points: Several[PointsTable] = Field((), description="Rows of a family that are points too.")

@@ -6,7 +6,6 @@ configuration names none, each may be a credential of systemd [systemd.exec(5) L
 
 from __future__ import annotations
 
-import os
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -82,7 +81,11 @@ def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
 def _credential(name: str, environ: Mapping[str, str]) -> str | None:
     """Return a credential that systemd has handed on, or None."""
     path = Path(environ.get("CREDENTIALS_DIRECTORY", ""), name)
-    return _first_line(path, name) if path.is_absolute() and os.path.exists(path) else None
+    try:
+        return _first_line(path, name) if path.is_absolute() and path.exists() else None
+    except OSError as error:
+        what = error.strerror or str(error)
+        raise _unusable(path, name, what, "see LoadCredential= of the unit") from error
 
 
 def _first_line(path: Path, key: str) -> str:

@@ -55,22 +55,20 @@ class SimulatedTable(ConfigTable):
 
     def not_of(self, profile: Profile) -> Iterator[Mistake]:
         """Yield what a starter of this family cannot be given, by keys that begin below this table."""
+        for option in ("markers", "braking_s"):
+            rows = profile.simulated.get(option)
+            if getattr(self, option) and rows != ():
+                hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
+                yield Mistake((option,), _is_for(option), hint)
         for code in self.parameters:
             row = profile.parameters.get(code)
             if row is None or row.table.is_bits or row.words != 1:
-                hint = "name a parameter of one register by its code in the manual, such as P314 or C8.2.5.3"
+                hint = "a parameter of one register by its code, such as P314 or C8.2.5.3"
                 yield Mistake(("parameters", code), f"{profile.family} has no such parameter", hint)
-        has_markers = "markers" in profile.simulated
-        if self.markers and not has_markers:
-            yield Mistake(("markers",), _is_for("markers"), "leave it out")
-        for code in self.markers if has_markers else ():
+        for code in self.markers if "markers" in profile.simulated else ():
             if not _is_marker(profile, code):
                 hint = "write COIL or DI and its address, such as DI7"
                 yield Mistake(("markers", code), f"{profile.family} has no such marker", hint)
-        rows = profile.simulated.get("braking_s")
-        if self.braking_s and rows != ():
-            hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
-            yield Mistake(("braking_s",), _is_for("braking_s"), hint)
 
 
 def _is_for(option: str) -> str:

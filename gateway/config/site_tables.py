@@ -48,7 +48,7 @@ class PointsTable(ConfigTable):
     """`[[points]]`: rows of a family that are published besides its points."""
 
     family: Family = Field(description="The family whose rows these are.")
-    codes: Several[RowPattern] = Field(min_length=1, description="Rows by their codes, with * and ?: S4.3.*.")
+    codes: Several[RowPattern] = Field(min_length=1, description="Rows by code, with * and ?, e.g. S4.*.")
     every_s: float = Field(DEFAULT_EVERY_S, ge=0.1, le=3600, description="How often they are read, at least.")
     starters: Several[Glob] = Field(("*",), min_length=1, description="Only of these starters of the family.")
 
@@ -61,7 +61,7 @@ class RowTable(ConfigTable):
     name: PointName = Field(description="The name of its point, where one is asked for.")
     title: Text = Field(description="Its name for people.")
     address: int | None = Field(
-        None, ge=0, le=0xFFFF, description="Its register, where its code is no number (ssw900: the net id)."
+        None, ge=0, le=0xFFFF, description="Its register, where its code is no number (e.g. ssw900)."
     )
     type: Literal["u16", "s16", "u32", "s32"] = Field("u16", description="32 bits have the low word first.")
     scale: float = Field(1.0, description="Its value for the number 1: 1, 0.1, 0.01, 0.001 or 0.0001.")

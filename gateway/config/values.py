@@ -75,14 +75,12 @@ def split_url(url: str) -> tuple[SplitResult, int] | None:
 
 def split_listen(listen: str) -> tuple[str, int] | None:
     """Return address and port to listen on, or None when that is no IP address with a port."""
-    host, _, port = listen.rpartition(":")
-    is_bracketed = host.startswith("[") and host.endswith("]")
     try:
-        address = ipaddress.ip_address(host[1:-1] if is_bracketed else host)
+        split = urlsplit(f"//{listen}")
+        address, port = ipaddress.ip_address(split.hostname or ""), split.port
     except ValueError:
         return None
-    is_right = port.isascii() and port.isdigit() and int(port) <= 0xFFFF
-    return (str(address), int(port)) if is_right and is_bracketed == (address.version == 6) else None
+    return None if port is None or "@" in listen or split.netloc != listen else (str(address), port)
 
 
 def is_loopback(host: str) -> bool:

@@ -11,9 +11,9 @@ from collections.abc import Callable, Iterator, Sequence
 from functools import lru_cache, partial
 from typing import Any
 
-from gateway.families.profile.parameters import READS, is_read_alone, read_run
-from gateway.families.profile.rows import Access, Table, Type
-from gateway.families.profile.schema import Profile
+from gateway.families.profile.parameters import READS, is_read_alone, read_run, runs_of
+from gateway.families.profile.rows import Access, Parameter, Table, Type
+from gateway.families.profile.schema import Profile, once_per_profile
 from gateway.modbus import ReadCoils, ReadHoldingRegisters, ReadInputRegisters, Request
 
 MOST = 8  # alternates of one request
@@ -55,7 +55,7 @@ def fences(profile: Profile) -> tuple[Request, ...]:
     each function that the family does not have: a refusal is a reply too [APP 7].
     """
     found: dict[tuple[Table, int], Request] = {}
-    for table, first, end in sorted(profile.readable_runs, key=partial(_is_doubtful, profile)):
+    for table, first, end in sorted(readable_runs(profile), key=partial(_is_doubtful, profile)):
         for step in range(1, FENCES + 1):
             size = step * _BYTE_BITS if table.is_bits else step
             if size <= end - first:
@@ -64,6 +64,26 @@ def fences(profile: Profile) -> tuple[Request, ...]:
         if kind.function not in profile.limits.functions:
             found[table, 1] = read_run(table, 0, 1)
     return tuple(sorted(found.values(), key=lambda read: read.reply_size() or 0)[:FENCES])
+
+
+@once_per_profile
+def readable_runs(profile: Profile) -> tuple[tuple[Table, int, int], ...]:
+    """Return the runs of addresses that may be read in one request: table, first, one past the last.
+
+    Gaps of up to `limits.max_gap` registers may be read too; coils that only commands name may not.
+    """
+
+    def follows(run: list[Parameter], row: Parameter) -> bool:
+        gap = 0 if row.table is Table.COIL else profile.limits.max_gap
+        return row.table is run[0].table and row.address - _end(run) <= gap
+
+    rows = (row for row in profile.parameters.values() if row.access in (Access.RO, Access.RW))
+    runs = runs_of(sorted(rows, key=lambda row: (row.table, row.address)), follows)
+    return tuple((run[0].table, run[0].address, _end(run)) for run in runs)
+
+
+def _end(run: Sequence[Parameter]) -> int:
+    return max(row.address + row.words for row in run)
 
 
 def _is_doubtful(profile: Profile, run: tuple[Table, int, int]) -> bool:
@@ -91,7 +111,7 @@ def _as_coils(profile: Profile, table: Table, address: int, count: int) -> Itera
 def _longer(profile: Profile, table: Table, address: int, count: int) -> Iterator[Alternate]:
     end = address + count
     is_bit = table is Table.COIL
-    for run_table, first, run_end in profile.readable_runs:
+    for run_table, first, run_end in readable_runs(profile):
         if run_table is not table or not first <= address or not end <= run_end:
             continue
         size = -(-count // _BYTE_BITS) * _BYTE_BITS + 1 if is_bit else count + 1

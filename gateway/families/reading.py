@@ -17,9 +17,9 @@ from gateway.families.profile.decode import is_there
 from gateway.families.profile.extension import EXTRA
 from gateway.families.profile.parameters import find, is_read_alone, read_request, read_run, runs_of
 from gateway.families.profile.procedure import Expect, Read, Seen
-from gateway.families.profile.rows import Access, Parameter, Table, Type
+from gateway.families.profile.rows import Access, Parameter, Table
 from gateway.families.profile.schema import Profile, Variant, once_per_profile
-from gateway.families.profile.word_types import shown_within
+from gateway.families.profile.word_types import LOW_BYTE, shown_within
 from gateway.modbus import LineTiming, Request
 
 LEAST_DELAY_S = 0.005  # of a starter's answer; a longer one makes joining worth even more
@@ -288,7 +288,7 @@ def _shown_by(profile: Profile, row: Parameter, words: tuple[int, ...]) -> tuple
 
 
 def _mask(row: Parameter) -> int:
-    return 0xFF if row.type in (Type.LOW_U8, Type.LOW_S8, Type.LOW_ENUM) else 0xFFFF
+    return 0xFF if row.type in LOW_BYTE else 0xFFFF
 
 
 def _may_join(profile: Profile, run: list[Parameter], row: Parameter) -> bool:

@@ -80,3 +80,15 @@ def test_a_file_of_the_configuration_comes_before_the_credential(tmp_path: Path)
         secret_of("metrics", site(with_file), tmp_path, {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)})
         == "file"
     )
+
+
+def test_a_credential_that_cannot_be_reached_is_an_error_with_a_remedy(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def denied(*_: object, **__: object) -> None:
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(Path, "stat", denied)
+
+    with pytest.raises(ConfigError, match=r"Permission denied \(see LoadCredential= of the unit\)"):
+        secret_of("mqtt", site(), "/nowhere", {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)})

@@ -11,6 +11,7 @@ from gateway.contract import EventCode, ResultCode
 from gateway.contract.events import EVENTS
 from gateway.families.command.interlock import _STATE_CODES, RULES
 from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.parameters import NOT_SETTABLE
 from gateway.starters.command.wire import exception_result
 from gateway.starters.identity.standing import _CODES
 
@@ -30,7 +31,10 @@ CODES: dict[str, Collection[str]] = {
     "starters/identity/standing.py": set(_CODES.values()),
     "starters/command/wire.py": {exception_result(number) for number in range(256)},
 }
-CASES: dict[str, Collection[str]] = {"families/command/interlock.py": RULES.keys()}
+CASES: dict[str, Collection[str]] = {
+    "families/command/interlock.py": RULES.keys(),
+    "families/profile/parameters.py": NOT_SETTABLE.keys(),
+}
 
 
 @dataclass(frozen=True)

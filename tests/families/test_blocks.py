@@ -1,4 +1,4 @@
-"""What is polled: few long reads that touch nothing that could refuse them, and their words by row."""
+"""Many rows in few reads, which touch nothing that could refuse them: of the polls, and of a copy."""
 
 from __future__ import annotations
 
@@ -11,9 +11,20 @@ from hypothesis import strategies as st
 
 from gateway.families.profile.extension import SitePoint, extended, matching
 from gateway.families.profile.load import FAMILIES, load_profile
-from gateway.families.profile.rows import Table
+from gateway.families.profile.rows import Access, Table
 from gateway.families.profile.schema import Point, Profile
-from gateway.families.reading import GROUPS, LEAST_DELAY_S, Block, plan_blocks, split
+from gateway.families.reading import (
+    GROUPS,
+    LEAST_DELAY_S,
+    Block,
+    bulk_reads,
+    halves,
+    is_set_by_people,
+    is_setting,
+    plan_blocks,
+    readable_codes,
+    split,
+)
 from gateway.modbus.timing import Framing, LineTiming
 from tests.families.notation import rows, shown
 
@@ -215,3 +226,53 @@ def test_a_refused_block_is_split_into_its_rows() -> None:
     assert [shown(part.request) for part in parts] == ["h17*1", "h24*2"]
     assert {part.group for part in parts} == {block.group}
     assert split(parts[1]) == (parts[1],)
+
+
+@pytest.mark.parametrize("family", FAMILIES)
+def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> None:
+    profile = load_profile(family)
+    codes = readable_codes(profile)
+
+    reads = bulk_reads(profile, codes)
+
+    read = [code for each in reads for code in each.codes]
+    assert sorted(read) == sorted(codes)
+    assert not any(profile.parameters[code].access is Access.NONE for code in codes)
+    longest = max(profile.limits.read_registers, profile.limits.read_bits)
+    assert all(int(each.request.count) <= longest for each in reads)  # type: ignore[attr-defined]  # all are runs
+    assert all(not each.request.is_write for each in reads)
+
+
+def test_a_refused_read_is_halved_down_to_its_rows() -> None:
+    profile = load_profile("ssw06")
+    (read,) = bulk_reads(profile, ["P030", "P031", "P032"])
+
+    first, second = halves(profile, read)
+
+    assert (first.codes, second.codes) == (("P030",), ("P031", "P032"))
+    assert halves(profile, first) == ()
+
+
+@pytest.mark.parametrize(
+    ("family", "code", "expected"),
+    [
+        ("ssw07", "P314", (True, True)),
+        ("ssw07", "P003", (False, False)),
+        ("ssw07", "VB08", (False, False)),
+        ("ssw900", "C3.1", (True, True)),
+        ("ssw900", "S5.3.1", (False, False)),
+        ("ssw900", "S5.2.5", (False, False)),
+        ("ssw900", "C8.1.1.5", (True, True)),
+        ("ssw900", "C11.3.1", (True, False)),
+        ("ssw900", "C6.3.1", (False, False)),
+        ("sst", "R41", (True, True)),
+        ("sst", "COIL1", (False, False)),
+    ],
+)
+def test_settings_are_distinguished_from_readings_outputs_and_commands(
+    family: str, code: str, expected: tuple[bool, bool]
+) -> None:
+    profile = load_profile(family)
+    row = profile.parameters[code]
+
+    assert (is_setting(profile, row), is_set_by_people(profile, row)) == expected

@@ -96,7 +96,7 @@ def test_every_label_belongs_to_a_row_or_a_bit_of_one(profile: Profile) -> None:
 def test_every_row_that_is_named_is_there(profile: Profile) -> None:
     protected, local = profile.protected, profile.local_control
     kinds = (protected.command_sources, protected.waking, protected.connection, protected.actions)
-    named = {profile.status_word, *profile.command_word, *profile.alarm_rows, *profile.history.codes}
+    named = {profile.status_word, *profile.command_word, *profile.alarm_rows, *history_rows(profile)}
     named |= {*chain(*kinds, protected.password, profile.shown_by, profile.since_firmware)}
     named |= {each.code for each in profile.shown_by.values()} | ({local.code} if local else set())
     named |= {protected.timeout.mode, protected.timeout.time} if protected.timeout else set()
@@ -126,8 +126,13 @@ def test_every_point_is_a_row_that_can_be_read_a_bit_of_it_or_made_of_others(pro
             assert row.access is not Access.NONE, name
             assert row.type in TYPE_LIMITS or not (point.true_when or point.zero_is_missing), name
             assert point.bit is None or point.bit in profile.bits[point.code], name
-    for code in profile.history.codes:
+    for code in history_rows(profile):
         assert profile.parameters[code].access is not Access.NONE
+
+
+def history_rows(profile: Profile) -> set[str]:
+    named = profile.history.model_dump(exclude={"thermal_trip"}).values()
+    return {code for each in named for code in ([each] if isinstance(each, str) else each) if code}
 
 
 def test_every_write_goes_to_what_is_there_for_commands_and_fits_one_word(profile: Profile) -> None:

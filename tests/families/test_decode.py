@@ -6,11 +6,23 @@ from typing import Any
 
 import pytest
 
+from gateway.families.profile.decode import Decoded, decode_points, decode_row
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.rows import Table
-from tests.families.decoding import decoded, points, value
+from gateway.families.profile.parameters import find
+from gateway.families.profile.schema import Variant
 
-HOLDING = Table.HOLDING
+
+def decoded(family: str, code: str, *words: int, **known: Any) -> Decoded:
+    """Return what a row says; `known` is the starter's variant."""
+    profile = load_profile(family)
+    found = decode_row(profile, Variant(**known), find(profile, code), words)
+    assert found.raw == words
+    return found
+
+
+def points(family: str, rows: dict[str, tuple[int, ...]], **known: Any) -> dict[str, Any]:
+    found = decode_points(load_profile(family), Variant(**known), rows)
+    return {name: one.value for name, one in found.items()}
 
 
 @pytest.mark.parametrize(
@@ -102,7 +114,7 @@ HOLDING = Table.HOLDING
 def test_words_have_the_value_of_the_manual(
     family: str, code: str, known: dict[str, Any], words: tuple[int, ...], expected: object
 ) -> None:
-    found = value(family, code, *words, **known)
+    found = decoded(family, code, *words, **known).value
 
     assert found == expected
     assert type(found) is type(expected)

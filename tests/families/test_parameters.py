@@ -116,6 +116,11 @@ def test_what_cannot_be_asked_for_is_refused(family: str, code: str, why: str) -
         ("sst", "R33", 0.6, (6,)),
         ("sst", "R37", "50%", (2,)),
         ("sst", "R38", "Both", (2,)),
+        ("ssw900", "C6.3.1", "2026-11-22T05:30:00", (0x1E00, 0x1605, 11, 2026)),
+        ("ssw900", "C8.3.5", "192.168.1.10", (0x010A, 0xC0A8)),
+        ("ssw900", "C8.3.7", "255.255.255.255", (0xFFFF, 0xFFFF)),
+        ("ssw900", "C8.6.3", "Pump 1", (0x5075, 0x6D70, 0x2031, 0, 0, 0, 0, 0)),
+        ("ssw900", "S5.6.2", 1, (1,)),
     ],
 )
 def test_values_become_the_words_that_are_sent(
@@ -154,6 +159,13 @@ def test_values_become_the_words_that_are_sent(
         ("sst", "R40", 0, "out_of_range"),
         ("sst", "R40", 98, "out_of_range"),
         ("sst", "COIL1", True, "not_writable"),
+        *[
+            ("ssw900", "C6.3.1", value, "bad_value")
+            for value in ("2026-02-30T00:00:00", "1999-01-01T00:00:00", "2026-11-22T05:30:00Z", 5)
+        ],
+        *[("ssw900", "C8.3.5", value, "bad_value") for value in ("192.168.1.256", "pump")],
+        *[("ssw900", "C8.6.3", value, "bad_value") for value in ("", "sixteen letters!", "Pümp", "a\nb")],
+        *[("ssw900", code, "1", "not_writable") for code in ("C8.6.2", "S5.9.1", "S5.6.1")],
     ],
 )
 def test_values_that_the_manual_does_not_allow_are_refused(

@@ -1,4 +1,4 @@
-"""Dates, addresses and names that are set: their words, in the byte order that the starter has."""
+"""Dates and names that are set in the byte order that the starter has; their words: test_parameters.py."""
 
 from __future__ import annotations
 
@@ -6,11 +6,9 @@ from typing import Any
 
 import pytest
 
-from gateway.contract import CommandError
 from gateway.families.command.settings import build_set
 from gateway.families.profile.load import load_profile
-from gateway.families.profile.parameters import to_words
-from gateway.families.profile.word_types import from_text, to_text
+from gateway.families.profile.word_types import from_text
 from tests.families.notation import prepared, rows, shown
 
 SSW900 = load_profile("ssw900")
@@ -24,47 +22,6 @@ def swapped(words: tuple[int, ...]) -> tuple[int, ...]:
 def built(code: str, value: Any, seen: tuple[int, ...]) -> Any:
     args = {"parameter": code, "value": value}
     return build_set(SSW900, rows("")[0], args, seen={code: seen})
-
-
-@pytest.mark.parametrize(
-    ("code", "value", "words"),
-    [
-        ("C6.3.1", "2026-11-22T05:30:00", CLOCK),
-        ("C8.3.5", "192.168.1.10", (0x010A, 0xC0A8)),
-        ("C8.3.7", "255.255.255.255", (0xFFFF, 0xFFFF)),
-        ("C8.6.3", "Pump 1", (0x5075, 0x6D70, 0x2031, 0, 0, 0, 0, 0)),
-        ("S5.6.2", 1, (1,)),
-    ],
-)
-def test_what_the_manual_prints_can_be_set(code: str, value: Any, words: tuple[int, ...]) -> None:
-    row = SSW900.parameters[code]
-
-    assert to_words(SSW900, row, value) == words
-    if isinstance(value, str):
-        assert to_text(row.type, words) == value
-
-
-@pytest.mark.parametrize(
-    ("code", "value"),
-    [
-        ("C6.3.1", "2026-02-30T00:00:00"),
-        ("C6.3.1", "1999-01-01T00:00:00"),
-        ("C6.3.1", "2026-11-22T05:30:00Z"),
-        ("C6.3.1", 5),
-        ("C8.3.5", "192.168.1.256"),
-        ("C8.3.5", "pump"),
-        ("C8.6.3", ""),
-        ("C8.6.3", "sixteen letters!"),
-        ("C8.6.3", "Pümp"),
-        ("C8.6.3", "a\nb"),
-        *[(code, "1") for code in ("C8.6.2", "S5.9.1", "S5.6.1")],  # a PIN, and what can only be read
-    ],
-)
-def test_what_it_does_not_print_is_refused(code: str, value: Any) -> None:
-    with pytest.raises(CommandError) as error:
-        to_words(SSW900, SSW900.parameters[code], value)
-
-    assert error.value.code == ("not_writable" if value == "1" else "bad_value")
 
 
 @pytest.mark.parametrize("is_swapped", [False, True])

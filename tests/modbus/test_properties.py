@@ -31,7 +31,9 @@ def bears(error: type[Exception], call: Any, *arguments: Any) -> bool:
 @given(dice)
 def test_the_length_of_a_frame_is_given_right_by_every_beginning_that_gives_it(rng: random.Random) -> None:
     request = random_request(rng)
-    pdus = {adu.reply_adu_size: random_reply(rng, request), request_adu_size: request.encode()}
+    reply = random_reply(rng, request)
+    pdus = {adu.reply_adu_size: reply, request_adu_size: request.encode()}
+    assert reply[0] != request.function or request.reply_size() in (None, len(reply))
 
     for size_of, pdu in pdus.items():
         frame = adu.encode(1, pdu)

@@ -50,12 +50,6 @@ def tables() -> tuple[Table, ...]:
     return tuple(_tables(schema, schema, "", is_list=False))
 
 
-def undescribed() -> list[str]:
-    """Return the keys without a description, as PATH.KEY."""
-    schema = Config.model_json_schema()
-    return sorted(set(_undescribed(schema, schema, "")))
-
-
 def page() -> str:
     """Return the page."""
     return "\n".join([HEAD, *(_section(table) for table in tables() if table.keys)])
@@ -91,15 +85,6 @@ def _sentence(description: str) -> str:
     """Return what stands behind the table's name, as a sentence."""
     text = description.partition(": ")[2]
     return text[:1].upper() + text[1:]
-
-
-def _undescribed(root: Schema, node: Schema, path: str) -> Iterator[str]:
-    for name, each in node["properties"].items():
-        if not each.get("description"):
-            yield f"{path}{name}"
-        inner = _table_of(root, each)
-        if inner is not None:
-            yield from _undescribed(root, inner[0], f"{path}{name}.")
 
 
 def _table_of(root: Schema, node: Schema) -> tuple[Schema, bool] | None:

@@ -109,15 +109,10 @@ def _needed(profile: Profile, rule: str) -> tuple[str, ...]:
     if rule == "is_ready":
         return ("fault", *state.ready, *moving(profile), *state.waiting, state.adjusting)
     if rule == "serial_controls":
-        return _foreign_control(profile)
+        return profile.points["remote"].none_of  # where one of these is true, another is in control
     if rule == "is_stopped":
         return moving(profile)
     return ("fault",) if rule in ("no_fault", "has_fault") else (rule,)
-
-
-def _foreign_control(profile: Profile) -> tuple[str, ...]:
-    """Return the points that say that another is in control: none of them is true in remote mode."""
-    return profile.points["remote"].none_of if "remote" in profile.points else ()
 
 
 def _reading(profile: Profile, rule: str, points: Mapping[str, Any]) -> str | None:
@@ -125,10 +120,10 @@ def _reading(profile: Profile, rule: str, points: Mapping[str, Any]) -> str | No
     match rule:
         case "is_ready":
             return _state(profile, points)
-        case "is_stopped":
-            return _motion(profile, points)
-        case "serial_controls":
-            readings = (_other_than(points, name, is_on=False) for name in _foreign_control(profile))
+        case "is_stopped" | "serial_controls":  # none of these points is true
+            names = _needed(profile, rule)
+            known = (name for name in names if points.get(name) is not None or is_decisive(profile, name))
+            readings = (_other_than(points, name, is_on=False) for name in known)
             return next(filter(None, readings), None)
         case "no_fault" | "has_fault":
             return _other_than(points, "fault", is_on=rule == "has_fault")
@@ -141,15 +136,6 @@ def _other_than(points: Mapping[str, Any], name: str, *, is_on: bool) -> str | N
     if value is None:
         return f"{name}{IS_UNKNOWN}"
     return None if bool(value) is is_on else f"{name} is {str(value).lower()}"
-
-
-def _motion(profile: Profile, points: Mapping[str, Any]) -> str | None:
-    for name in moving(profile):
-        if points.get(name):
-            return f"{name} is true"
-        if points.get(name) is None and is_decisive(profile, name):
-            return f"{name}{IS_UNKNOWN}"
-    return None
 
 
 def _state(profile: Profile, points: Mapping[str, Any]) -> str | None:

@@ -255,14 +255,9 @@ def _check_ceilings(profile: Profile, variant: Variant, command: Command, seen: 
     """Raise the ceiling's refusal when a row was seen to read more, on a model that has the reading."""
     model = (variant.model or "").casefold()
     for code, ceiling in command.ceilings.items():
-        has_reading = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
-        if not has_reading or not is_there(profile, variant, code):
-            continue
-        if code in seen and seen[code][0] > ceiling.most:
+        is_of_model = not model or any(model.startswith(one.casefold()) for one in ceiling.models)
+        reading = seen.get(code, (0,))[0] if is_of_model and is_there(profile, variant, code) else 0
+        if reading > ceiling.most:
             raise CommandError(
-                ceiling.refusal,
-                row=code,
-                reading=seen[code][0],
-                unit=ceiling.unit,
-                most=ceiling.most,
+                ceiling.refusal, row=code, reading=reading, unit=ceiling.unit, most=ceiling.most
             )

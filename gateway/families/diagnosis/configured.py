@@ -10,8 +10,6 @@ from gateway.families.profile.parameters import to_words
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile
 
-_SECONDS = "s"
-
 
 def wrong_settings(
     profile: Profile, *, model: str | None, watchdog_s: float | None
@@ -26,7 +24,7 @@ def wrong_settings(
         yield "model", f"is the name of a model of {named[0]}, not of {profile.family}"
     if watchdog_s is not None:
         rows = [profile.parameters[code] for code in device_of(profile).watchdog_rows]
-        reasons = [_why_not(profile, row, watchdog_s) for row in rows if row.unit == _SECONDS]
+        reasons = [_why_not(profile, row, watchdog_s) for row in rows if row.unit == "s"]
         if reasons and all(reasons):
             yield "watchdog_s", f"is no time of its watchdog: {reasons[0]}"
 

@@ -18,14 +18,13 @@ from gateway.families.devices.device import Identity, Question
 from gateway.families.profile.decode import rated_current_a
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.procedure import Preparation, Seen
-from gateway.families.profile.schema import Profile, Variant, once_per_profile
+from gateway.families.profile.schema import Profile, Variant
 from gateway.families.reading import plan_blocks, with_rows
 from gateway.modbus import DeviceIdentification, Request
 
 _PRODUCT, _REVISION = 1, 2  # objects of the basic identification [APP 6.21]
 
 
-@once_per_profile
 def identify_requests(profile: Profile) -> tuple[Question, ...]:
     """Return what to ask a unit that is configured as this family; any of them may stay without answer."""
     return device_of(profile).questions(profile)

@@ -46,10 +46,10 @@ def to_switch(value: object) -> bool | None:
 def choice(args: Mapping[str, Any], name: str, options: Sequence[str]) -> str:
     """Return which of these words an argument is, in any case."""
     wanted = str(args[name]).strip().casefold()
-    for option in options:
-        if option.casefold() == wanted:
-            return option
-    raise CommandError(ResultCode.BAD_ARGUMENTS, "choice", name=name, options=", ".join(options))
+    found = next((option for option in options if option.casefold() == wanted), None)
+    if found is None:
+        raise CommandError(ResultCode.BAD_ARGUMENTS, "choice", name=name, options=", ".join(options))
+    return found
 
 
 MOST = 64  # rows at once; a larger set is a matter of minutes on a slow line

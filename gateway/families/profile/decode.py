@@ -125,6 +125,14 @@ def _joined(
     return shown
 
 
+def point_of(profile: Profile, row: Parameter) -> str | None:
+    """Return the point that is this row; a WEG coil is a bit of a word (VB01.3) and so may its point be."""
+    word, _, bit = row.code.partition(".")
+    if row.type is Type.BIT and bit:
+        return profile.points_of.get((word, int(bit)))
+    return profile.points_of.get((row.code, None))
+
+
 def since_firmware(profile: Profile, variant: Variant, code: str) -> str:
     """Return the firmware from which this model has a row, or a bit of it (VB01.2); empty: any has it."""
     model = (variant.model or "").casefold()
@@ -227,7 +235,7 @@ def _rows_at(profile: Profile, table: Table, address: int) -> tuple[Parameter, .
 
 
 def _as_json(profile: Profile, variant: Variant, row: Parameter, decoded: Decoded) -> dict[str, Any]:
-    point = _point_of(profile, row)
+    point = point_of(profile, row)
     is_known = is_there(profile, variant, row.code)
     shown: dict[str, Any] = {
         "name": row.name,
@@ -256,14 +264,6 @@ def _bit_json(profile: Profile, variant: Variant, code: str, bit: int, *, is_on:
         "value": is_on if is_known else None,
         "meaning": profile.enums.get(f"{code}.{bit}", {}).get(int(is_on)) if is_known else None,
     }
-
-
-def _point_of(profile: Profile, row: Parameter) -> str | None:
-    """Return the point that is this row; a WEG coil is a bit of a word (VB01.3) and so may its point be."""
-    word, _, bit = row.code.partition(".")
-    if row.type is Type.BIT and bit:
-        return profile.points_of.get((word, int(bit)))
-    return profile.points_of.get((row.code, None))
 
 
 def _raw_json(table: Table, word: int) -> dict[str, Any]:

@@ -15,8 +15,9 @@ from functools import lru_cache
 from typing import NamedTuple
 
 from gateway.contract import to_level
+from gateway.families.profile.decode import point_of
 from gateway.families.profile.parameters import is_named, raw_row, spelt
-from gateway.families.profile.rows import Access, Model, Parameter, Table, Type
+from gateway.families.profile.rows import Access, Model, Parameter
 from gateway.families.profile.schema import Point, Profile, remade
 
 EXTRA = "extra"  # the group of the points that a site asks for
@@ -72,7 +73,7 @@ def why_no_row(profiles: Sequence[Profile], pattern: str) -> tuple[str, str]:
 
 
 def why_not_described(profile: Profile, row: Parameter) -> str:
-    """Return why a site may not describe this row; empty where it may."""
+    """Return why a site may not describe this row of holding registers; empty where it may."""
     known = profile.parameters.get(row.code)
     if profile.protected.names(row.code):
         return "it may command the motor, cut the connection or act at once, or is a password"
@@ -84,13 +85,11 @@ def why_not_described(profile: Profile, row: Parameter) -> str:
         return "it is read as a point of the family already"
     if known is not None and (row.table, row.address, row.words) != (known.table, known.address, known.words):
         return f"the manual gives it the register {known.address}"
-    if row.table is Table.HOLDING:
-        over = _overlapped(profile, row)
-        if over is not None:
-            return f"its registers are those of {over.code}"
-        end = row.address + row.words - 1
-        if any(first <= end and row.address <= last for first, last in profile.protected.stand_ins):
-            return "its registers may be those of any other row"
+    if (over := _overlapped(profile, row)) is not None:
+        return f"its registers are those of {over.code}"
+    end = row.address + row.words - 1
+    if any(first <= end and row.address <= last for first, last in profile.protected.stand_ins):
+        return "its registers may be those of any other row"
     if row.access is not Access.RW:
         return ""
     if row.words > 1:
@@ -126,18 +125,10 @@ def extended(profile: Profile, rows: tuple[SiteRow, ...], points: tuple[SitePoin
     if not rows and not points:
         return profile
     parameters = {**profile.parameters, **{each.row.code: each.row for each in rows}}
-    wider = remade(profile, parameters=parameters)
     names = {each.row.code: each.point for each in rows}
     added: dict[str, Point] = {}
     for each in points:
-        if not _is_point(profile, parameters[each.code]):
+        if point_of(profile, parameters[each.code]) is None:
             name = names.get(each.code) or to_level(each.code)
             added[name] = Point(code=each.code, group=EXTRA, every_s=each.every_s)
-    return remade(wider, points={**profile.points, **added})
-
-
-def _is_point(profile: Profile, row: Parameter) -> bool:
-    """Return whether a row is a point of the family, or as a coil the bit of a word that is one."""
-    word, _, bit = row.code.partition(".")
-    key = (word, int(bit)) if row.type is Type.BIT and bit else (row.code, None)
-    return key in profile.points_of
+    return remade(profile, parameters=parameters, points={**profile.points, **added})

@@ -35,6 +35,17 @@ READS: dict[Table, type[ReadCoils | ReadDiscreteInputs | ReadHoldingRegisters | 
     Table.COIL: ReadCoils,
     Table.DISCRETE: ReadDiscreteInputs,
 }
+NOT_SETTABLE: dict[str, Callable[[Profile, Parameter], bool]] = {  # why none sets a row: the first that holds
+    "command": lambda _, row: row.access is Access.COMMAND,
+    "no_row": lambda _, row: row.name == _UNNAMED and bool(_REGISTER_CODE.fullmatch(row.code)),
+    "not_serial": lambda _, row: row.name == _UNNAMED or row.confidence is Confidence.EXTRA,
+    "read_only": lambda _, row: row.access is not Access.RW,
+    "password": lambda profile, row: row.code in profile.protected.password,
+    "illegible": lambda _, row: not row.is_sure,
+    "byte_order": lambda _, row: row.type is Type.STRING,
+    "other_model": lambda _, row: bool(row.ranges),
+    "no_range": lambda *_: True,
+}
 _LAST_ADDRESS = 0xFFFF
 _LARGEST = Decimal(10) ** 12  # no row carries more; keeps the arithmetic small whatever is asked for
 
@@ -275,28 +286,11 @@ def _may_be(one: str, model: str) -> bool:
 
 def _not_settable(profile: Profile, parameter: Parameter) -> CommandError:
     """Return why no value sets a row."""
-    title, code = profile.title, parameter.code
-    if parameter.access is Access.COMMAND:
-        return CommandError(ResultCode.NOT_WRITABLE, "command", title=title, parameter=code)
+    title, code, note = profile.title, parameter.code, parameter.note
     if parameter.access is Access.NONE:
-        note = parameter.note
         return CommandError(ResultCode.NOT_WRITABLE, "access", title=title, parameter=code, note=note)
-    if parameter.confidence is Confidence.EXTRA or parameter.name == _UNNAMED:
-        is_raw = bool(_REGISTER_CODE.fullmatch(code))
-        return CommandError(
-            ResultCode.NOT_WRITABLE, "no_row" if is_raw else "not_serial", title=title, parameter=code
-        )
-    if parameter.access is not Access.RW:
-        return CommandError(ResultCode.NOT_WRITABLE, "read_only", title=title, parameter=code)
-    if parameter.code in profile.protected.password:
-        return CommandError(ResultCode.NOT_WRITABLE, "password", title=title, parameter=code)
-    if not parameter.is_sure:
-        return CommandError(ResultCode.NOT_WRITABLE, "illegible", title=title, parameter=code)
-    if parameter.type is Type.STRING:
-        return CommandError(ResultCode.NOT_WRITABLE, "byte_order", title=title, parameter=code)
-    if parameter.ranges:
-        return CommandError(ResultCode.NOT_WRITABLE, "other_model", title=title, parameter=code)
-    return CommandError(ResultCode.NOT_WRITABLE, "no_range", title=title, parameter=code)
+    case = next(case for case, holds in NOT_SETTABLE.items() if holds(profile, parameter))
+    return CommandError(ResultCode.NOT_WRITABLE, case, title=title, parameter=code)
 
 
 def _member(

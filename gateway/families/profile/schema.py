@@ -13,7 +13,7 @@ from typing import Literal, TypeVar
 from pydantic import Field
 
 from gateway.contract import ResultCode
-from gateway.families.profile.rows import Access, Alarm, Model, Parameter, Table
+from gateway.families.profile.rows import Alarm, Model, Parameter, Table
 
 
 class Point(Model):
@@ -219,12 +219,6 @@ class HistoryRows(Model):
     hours: str = ""  # its own count of the time in operation, s
     energy: str = ""  # its own count, kWh
 
-    @property
-    def codes(self) -> tuple[str, ...]:
-        """All rows that are named here."""
-        one = (self.thermal, self.cooling, self.after_stop, self.between_starts, self.hours, self.energy)
-        return (*self.fault_history, *self.at_fault, *self.at_start, *(code for code in one if code))
-
 
 class Profile(Model):
     """A family, whole. It equals itself alone, so that what follows from it can be remembered by it."""
@@ -272,23 +266,6 @@ class Profile(Model):
             key = (row.table, row.address)
             found[key] = (*found.get(key, ()), row)
         return found
-
-    @cached_property
-    def readable_runs(self) -> tuple[tuple[Table, int, int], ...]:
-        """The runs of addresses that may be read in one request: table, first, one past the last.
-
-        Gaps of up to `limits.max_gap` registers may be read too; coils that only commands name may not.
-        """
-        runs: list[tuple[Table, int, int]] = []
-        rows = [row for row in self.parameters.values() if row.access in (Access.RO, Access.RW)]
-        for row in sorted(rows, key=lambda row: (row.table, row.address)):
-            gap = 0 if row.table is Table.COIL else self.limits.max_gap
-            end = row.address + row.words
-            if runs and runs[-1][0] is row.table and row.address - runs[-1][2] <= gap:
-                runs[-1] = (row.table, runs[-1][1], max(runs[-1][2], end))
-            else:
-                runs.append((row.table, row.address, end))
-        return tuple(runs)
 
     @cached_property
     def points_of(self) -> dict[tuple[str, int | None], str]:

@@ -34,14 +34,14 @@ TYPE_LIMITS: dict[Type, tuple[int, int]] = {
     Type.TIME: _LONG,
 }
 
-_LOW_BYTE = frozenset({Type.LOW_U8, Type.LOW_S8, Type.LOW_ENUM})
+LOW_BYTE = frozenset({Type.LOW_U8, Type.LOW_S8, Type.LOW_ENUM})
 
 
 def from_words(row: Parameter, words: Sequence[int]) -> int:
     """Return the number in these words; it may be one that the type cannot carry (U8 with a high byte)."""
     number = sum(word << (16 * place) for place, word in enumerate(words))
     width = 16 * len(words)
-    if row.type in _LOW_BYTE:  # the SST's high byte says nothing
+    if row.type in LOW_BYTE:  # the SST's high byte says nothing
         number, width = number & 0xFF, 8
     is_negative = TYPE_LIMITS[row.type][0] < 0 and number >> (width - 1)
     return number - (1 << width) if is_negative else number
@@ -67,7 +67,7 @@ def of_percent(percent: Decimal, full_scale: int) -> int:
 
 def to_number_words(row: Parameter, number: int) -> tuple[int, ...]:
     """Return the words that carry a number within the row's limits."""
-    pattern = number & (0xFF if row.type in _LOW_BYTE else (1 << (16 * row.words)) - 1)
+    pattern = number & (0xFF if row.type in LOW_BYTE else (1 << (16 * row.words)) - 1)
     return tuple((pattern >> (16 * place)) & 0xFFFF for place in range(row.words))
 
 
