@@ -33,18 +33,6 @@ from gateway.starters.policy.policy import Guard, Policy
 from gateway.starters.view import StarterIo
 from gateway.store import Journal, Remembered
 
-UNFIT = (  # of what is refused however often it comes: its id is free for a fit command
-    ResultCode.BAD_JSON,
-    ResultCode.BAD_PAYLOAD,
-    ResultCode.BEFORE_CONNECTION,
-    ResultCode.EXPIRED,
-    ResultCode.MALFORMED_TOPIC,
-    ResultCode.NO_ID,
-    ResultCode.RETAINED,
-    ResultCode.TOO_BIG,
-    ResultCode.UNKNOWN_VERB,
-)
-
 
 @dataclass(eq=False)
 class Dispatcher:
@@ -197,8 +185,7 @@ class Dispatcher:
         A refused id stays so, else a copy could be carried out after its client has read the refusal.
         """
         is_known = self._reporting.ledger.find(request.client, request.id) is not None
-        retention = Retention.DISK if is_stored else Retention.NONE if error.code in UNFIT else Retention.RUN
-        retention = Retention.NONE if is_known else retention
+        retention = Retention.NONE if is_known else Retention.DISK if is_stored else Retention.RUN
         CommandReport(request, self._reporting, is_repeat=is_known, retention=retention).reject(error.reason)
 
     # Taking

@@ -77,7 +77,6 @@ class Frames:
         self.wanted = 0  # the number of the frame that the latest message counts on
         self.handed = 0  # frames handed to the line
         self.facts = FrameFacts()
-        self.news = asyncio.Event()  # one of them has left
         self._due_s = 0.0  # when the next frame is due
         self._timer: asyncio.TimerHandle | None = None
         self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
@@ -127,7 +126,6 @@ class Frames:
             asked = [self.wire.hand_over(step.request, lane=lane) for step in steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
             logger.exception("starter=%s stop not sent", self.starter.setup.name)
-            self.news.set()
             return
         frame = asyncio.get_running_loop().create_task(self._follow(self.handed, steps, asked))
         self._under_way.add(frame)
@@ -157,7 +155,6 @@ class Frames:
         if self._is_mask_refused or any(_may_have_left(each) for each in counting):
             is_acknowledged = all(isinstance(each, Answered) for each in counting)
             self.on_left(number, is_acknowledged=is_acknowledged)
-        self.news.set()
         asyncio.get_running_loop().call_soon(self.send_if_due)  # once this frame is no longer under way
 
 

@@ -17,7 +17,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Collection, Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
@@ -181,26 +180,18 @@ class Stopping:
     async def _read_on(self) -> None:
         """Read the starter back until every message has its end."""
         while self._orders:
+            shown: Collection[StopOrder] = ()
             if any(order.is_written for order in self._orders):
                 self._readings += 1
                 shown = await self._read_back()
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
-                self._end_what_is_over(shown)
-                self.frames.send_if_due()
-                if self._orders:
-                    pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
-                    await self._wire.wait_for(asyncio.sleep(pause_s))
             else:
-                await self._wait_for_a_frame()
                 self.frames.procedure()  # what cannot be built cannot be sent
-                self._end_what_is_over(())
-
-    async def _wait_for_a_frame(self) -> None:
-        self.frames.news.clear()
-        self._wire.until_s = min(order.until_s for order in self._orders)
-        with suppress(OverdueError):
-            await self._wire.wait_for(self.frames.news.wait())
-        self._wire.until_s = inf
+            self._end_what_is_over(shown)
+            self.frames.send_if_due()
+            if self._orders:
+                pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
+                await self._wire.wait_for(asyncio.sleep(pause_s))
 
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
