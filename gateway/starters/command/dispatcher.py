@@ -30,7 +30,7 @@ from gateway.starters.command.run.decision import judge, rows_for
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Guard, Policy
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 from gateway.store import Journal, Remembered
 
 
@@ -38,7 +38,7 @@ from gateway.store import Journal, Remembered
 class Dispatcher:
     """Takes commands for all starters, on the app's loop; every command gets exactly one final result."""
 
-    starters: Mapping[str, StarterIo]
+    starters: Mapping[str, StarterTelemetry]
     _: KW_ONLY
     records: RecordWriter
     journal: Journal

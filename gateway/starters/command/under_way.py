@@ -23,7 +23,7 @@ from gateway.starters.command.stop.machine import StopOrder, Stopping
 from gateway.starters.policy.freshness import BY_TOKEN, MAX_AHEAD_S
 from gateway.starters.policy.policy import GATEWAY, Guard
 from gateway.starters.policy.preconditions import is_forbidden
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 _Work = TypeVar("_Work", CommandRun, Stopping)
 
@@ -34,7 +34,7 @@ AT_ONCE = 4  # commands of a line that have not yet done their first write: all 
 class UnderWay:
     """The commands and stops of all starters that are being carried out; all calls on the app's loop."""
 
-    starters: Mapping[str, StarterIo]
+    starters: Mapping[str, StarterTelemetry]
     reporting: Reporting
 
     def __post_init__(self) -> None:

@@ -20,7 +20,7 @@ from gateway.starters.bulk_read import read_in_bulk
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.services.settings import LONGEST_BLOCK
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 from gateway.system.supervised import SupervisedTask
 
 logger = logging.getLogger(__name__)
@@ -49,7 +49,7 @@ class PastListener(Protocol):
 class PastReader:
     """Reads one starter; everything on the app's loop."""
 
-    def __init__(self, starter: StarterIo, listener: PastListener) -> None:
+    def __init__(self, starter: StarterTelemetry, listener: PastListener) -> None:
         self._starter = starter
         self._listener = listener
         self._fault = SupervisedTask(f"fault data {starter.setup.name}")

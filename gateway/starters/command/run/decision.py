@@ -24,7 +24,7 @@ from gateway.starters.command.report import CommandReport, CommandStep
 from gateway.starters.command.wire import DECIDES_FOR_S, LAST_READING_S, Rows, Wire, points_of
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Guard
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 
@@ -37,7 +37,7 @@ MOST_READINGS = 4  # until two in a row agree
 
 def judge(
     request: CommandRequest,
-    starter: StarterIo,
+    starter: StarterTelemetry,
     preparation: Preparation,
     guard: Guard | None,
     *,
@@ -66,7 +66,7 @@ def rows_for(preparation: Preparation, known: Mapping[str, tuple[int, ...]]) -> 
     return {code: known[code] for code in _codes(preparation) & known.keys()}
 
 
-def demand_identified(request: CommandRequest, starter: StarterIo) -> None:
+def demand_identified(request: CommandRequest, starter: StarterTelemetry) -> None:
     """Demand that the starter is online and as configured; of another one the raw words may be read."""
     if not starter.is_answering:
         raise CommandError(ResultCode.OFFLINE, "starter")
@@ -108,7 +108,7 @@ class Judge:
     """Reads and decides for one command; what is read distinguishes its family as well."""
 
     report: CommandReport
-    starter: StarterIo
+    starter: StarterTelemetry
     preparation: Preparation
     guard: Guard
     wire: Wire

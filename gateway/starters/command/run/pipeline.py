@@ -43,7 +43,7 @@ from gateway.starters.command.stop.machine import StopOrder
 from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError, Wire
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.policy.policy import Guard
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 logger = logging.getLogger(__name__)
 
@@ -72,7 +72,7 @@ class CommandRun:
     """One accepted command under way; `run` always ends with the command's final result."""
 
     report: CommandReport
-    starter: StarterIo
+    starter: StarterTelemetry
     preparation: Preparation
     guard: Guard
     slot: asyncio.Semaphore | None  # among the commands of its line, until its first write; None: none needed

@@ -36,7 +36,7 @@ from gateway.starters.command.wire import (
     Wire,
     points_of,
 )
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 logger = logging.getLogger(__name__)
 
@@ -101,7 +101,7 @@ class StopOrder:
 class Stopping:
     """One starter's stop under way; every stop message that comes meanwhile joins it."""
 
-    def __init__(self, starter: StarterIo) -> None:
+    def __init__(self, starter: StarterTelemetry) -> None:
         self._starter = StopAddressee(starter)
         self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
