@@ -14,7 +14,7 @@ from weakref import WeakValueDictionary
 
 from gateway.contract import STOP, CommandError, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
 from gateway.starters.command.dispatcher import Dispatcher
-from gateway.starters.policy.freshness import BY_TOKEN, ArrivalTime, Tokens, decision_of
+from gateway.starters.policy.freshness import BY_TOKEN, ArrivalTime, Tokens, dated
 from gateway.system.clock import SETTLED_S, Clock, ClockWatch
 from gateway.system.stalls import SuspendWatch
 
@@ -89,18 +89,16 @@ class Commands:
     def _decided(self, request: CommandRequest) -> CommandRequest:
         """Return a fresh command with the time at which it was decided upon; CommandError for others."""
         self.look()
-        decision = decision_of(
-            request.proof,
-            verb=request.verb,
-            # No bridge lies between this gateway and what is part of it.
-            freshness=(BY_TOKEN,) if request.source else self.dispatcher.freshness(request),
+        rights, client, verb = self.dispatcher.policy.rights, request.client, request.verb
+        granted = rights.freshness(client, verb=verb, starter=request.starter)
+        return dated(
+            request,
+            freshness=(BY_TOKEN,)
+            if request.source
+            else granted,  # no bridge lies before a part of the gateway
             tokens=self.tokens,
             moment=ArrivalTime(self.clock.now_s(), self.clock.utc_s(), self.clock_watch.doubt()),
         )
-        expires_s = decision.since_s + request.proof.ttl_s
-        if request.expires_s is not None:
-            expires_s = min(expires_s, request.expires_s)
-        return replace(request, expires_s=expires_s, decided_s=decision.earliest_s, decided_by=decision.proof)
 
     def _note_suspension(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited that long in the broker or a socket."""
