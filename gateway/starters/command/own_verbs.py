@@ -185,10 +185,8 @@ def _why(request: CommandRequest) -> str | None:
 def _removal(request: CommandRequest, lock: LockRecord) -> Reason:
     """Return what the owner of a lock reads when another client has removed it."""
     who = f"{request.client} ({request.operator})" if request.operator else request.client
-    why = _why(request)
-    if not why:
-        return Reason(ResultCode.LOCK_REMOVED, "no_reason", who=who, reason=lock.reason)
-    return Reason(ResultCode.LOCK_REMOVED, "reason", who=who, why=why, reason=lock.reason)
+    why = _why(request) or "no reason was given"
+    return Reason(ResultCode.LOCK_REMOVED, who=who, why=why, reason=lock.reason)
 
 
 def _lock_data(lock: LockRecord | None) -> Mapping[str, Any]:

@@ -22,7 +22,6 @@ import secrets
 from collections.abc import Callable, Collection
 from dataclasses import dataclass, replace
 from itertools import islice
-from operator import itemgetter
 
 from gateway.contract import MAX_TTL_S, READ, CommandError, CommandRequest, Proof, ResultCode
 
@@ -126,26 +125,21 @@ def dated(
     made_s, issued_s = tokens.made_s(proof.token or ""), None  # on the steady clock
     if proof.issued_s is not None and moment.clock_doubt is None:
         issued_s = now_s - (moment.utc_s - proof.issued_s)
-    dates = [(at_s, by) for at_s, by in ((made_s, BY_TOKEN), (issued_s, BY_ISSUED_AT)) if at_s is not None]
-    for at_s, by in dates:
-        age_s, ttl_s = now_s - at_s, proof.ttl_s
-        if age_s > ttl_s:
-            case = "token" if by == BY_TOKEN else "issued_at"
-            raise CommandError(ResultCode.EXPIRED, case, age_s=age_s, ttl_s=ttl_s)
+    dates = [at_s for at_s in (made_s, issued_s) if at_s is not None]
+    since_s = min(dates, default=now_s)
+    if now_s - since_s > proof.ttl_s:
+        raise CommandError(ResultCode.EXPIRED, "decided", age_s=now_s - since_s, ttl_s=proof.ttl_s)
     trouble = None if issued_s is None else _issued_trouble(issued_s, tokens, now_s)
     is_issued = issued_s is not None and trouble is None
     if request.verb != READ and not is_issued and (made_s is None or BY_TOKEN not in freshness):
         raise trouble or _unproven(proof, freshness, moment)
     if proof.is_early:
         raise before_connection()
-    since_s, by = min(dates, key=itemgetter(0), default=(now_s, ""))
     expires_s = min(since_s, now_s) + proof.ttl_s
     if request.expires_s is not None:
         expires_s = min(expires_s, request.expires_s)
     ahead_s = MAX_AHEAD_S if made_s is None else 0.0  # the sender's clock may run so far before ours
-    return replace(
-        request, expires_s=expires_s, decided_s=since_s - ahead_s if dates else None, decided_by=by
-    )
+    return replace(request, expires_s=expires_s, decided_s=since_s - ahead_s if dates else None)
 
 
 def _issued_trouble(issued_s: float, tokens: Tokens, now_s: float) -> CommandError | None:

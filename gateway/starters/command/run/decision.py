@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
@@ -103,7 +103,7 @@ class CommandDecision:
         return seen_s + LATER_STEP_S * (len(self.procedure.steps) - 1) + LAST_READING_S
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Judge:
     """Reads and decides for one command; what is read distinguishes its family as well."""
 
@@ -111,8 +111,17 @@ class Judge:
     starter: StarterTelemetry
     preparation: Preparation
     guard: Guard
-    wire: Wire
-    lane: Priority
+    lane: Priority = field(init=False)
+    wire: Wire = field(init=False)
+
+    def __post_init__(self) -> None:
+        can_wait = self.report.request.verb in CAN_WAIT
+        self.lane = Priority.PARAMETERS if can_wait else Priority.COMMAND
+        self.wire = self.new_wire(self.report.request.until_s)
+
+    def new_wire(self, until_s: float) -> Wire:
+        """Return a way to the starter, which ends at that time."""
+        return Wire(self.starter, until_s=until_s, read_back_lane=max(self.lane, Priority.READ_BACK))
 
     async def decide(self) -> CommandDecision:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""
