@@ -157,7 +157,10 @@ class UnderWay:
         """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
         own = CommandReport(request, self.reporting, retention=Retention.AUDIT)
-        order = self._stopping(request.starter).take_back(released, own)
+        stopping = self._stopping(request.starter)
+        stopping.frames.with_jog = True
+        order = stopping.ask(released)
+        order.report = own
         own.accept()
         return order
 

@@ -6,7 +6,7 @@
    until the time is up; then the latest two readings since the first frame decide.
 3. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
 4. A start or a jog that did not act is taken back by the same machine, with an order of the gateway's own
-   (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
+   (`released`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
    is an event and an entry of the audit.
 
 Of a group each member is stopped so on its own: `group`.
@@ -108,22 +108,19 @@ class Stopping:
         self._readings = 0  # begun
         self._shown: dict[str, Any] = {}  # by the latest of them
 
-    def ask(self) -> None:
-        """Have a frame sent for one more message, and see it through; `join` gives it an answer."""
+    def ask(self, released: Expect | None = None) -> StopOrder:
+        """Have a frame sent for one more message, and see it through; a report gives it an answer.
+
+        `released`: to take back what a command may have left in the starter, until that is read as well.
+        """
         self._orders = [order for order in self._orders if order.report]
-        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s()))
+        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s(), released=released))
+        return self._orders[-1]
 
     def join(self, report: CommandReport) -> None:
         """Report the end of the stop command, already accepted, for which `ask` was just called."""
         self._orders[-1].report = report
         report.before = self._starter.snapshot.good_values()
-
-    def take_back(self, released: Expect, report: CommandReport) -> StopOrder:
-        """Take back what a command that failed may have left in the starter: run = 0 and jog = 0 at once."""
-        self.frames.with_jog = True
-        order = StopOrder(self.frames.ask(), self._wire.now_s(), report, released)
-        self._orders.append(order)
-        return order
 
     @property
     def count(self) -> int:
