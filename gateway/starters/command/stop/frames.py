@@ -13,7 +13,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from gateway.contract import Note, Reason
 from gateway.families import Procedure, WriteStep, command
@@ -52,24 +51,18 @@ class FrameFacts:
         return Note("over_babble") if self.is_over_babble else None
 
 
-class OnLeft(Protocol):
-    """Takes the number of a frame that may have reached the starter, and whether it was acknowledged."""
-
-    def __call__(self, number: int, *, is_acknowledged: bool) -> None:
-        """Record it."""
-
-
 @dataclass(eq=False)
 class Frames:
     """Sends the frames of one starter's stop.
 
-    `next_lane` says whether one more is needed, and how soon.
+    `next_lane` says whether one more is needed, and how soon. `on_left` is called with the number of a frame
+    that may have reached the starter, and `is_acknowledged`.
     """
 
     starter: StopAddressee
     wire: Wire
     next_lane: Callable[[], Priority | None]
-    on_left: OnLeft
+    on_left: Callable[..., None]
 
     def __post_init__(self) -> None:
         self._own = Bucket(OWN_FRAMES)
