@@ -15,7 +15,7 @@ import pytest
 from gateway.contract import STOP, CommandRequest, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.starters import RunToken, Tokens
-from gateway.starters.policy.freshness import ArrivalTime, decision_of
+from gateway.starters.policy.freshness import ArrivalTime, dated
 
 NOW, NOW_S = "2026-11-21T01:02:03Z", 1_795_222_923.0
 TOKEN = "token-1"  # made when everything arrives
@@ -40,7 +40,7 @@ def request(topic: str, payload: str) -> CommandRequest:
     judged = received.request
     if judged.verb != STOP:
         moment = ArrivalTime(7.0, NOW_S)
-        decision_of(judged.proof, verb=judged.verb, freshness=("token",), tokens=tokens, moment=moment)
+        dated(judged, freshness=("token",), tokens=tokens, moment=moment)
     return judged
 
 

@@ -55,7 +55,6 @@ class CommandRequest:
     proof: Proof = Proof()
     expires_s: float | None = None  # on the steady clock: not to be written later than this
     decided_s: float | None = None  # on the steady clock: not decided upon before; None: that is not known
-    decided_by: str = ""  # what shows that: token or issued_at
     source: str = ""  # "web": the status page; empty: MQTT
     remark: str = ""  # on how it was sent; each of its results says so
     ticket: int = 0  # by which its sender is handed the results; 0: by none

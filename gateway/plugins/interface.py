@@ -11,7 +11,7 @@ from gateway.config import Config
 from gateway.contract import Latest, PublishEvent, Record, RecordWriter
 from gateway.line import LineClient
 from gateway.mqtt import Message
-from gateway.starters import Commands, Dispatcher, Policy, StarterIo, Tokens
+from gateway.starters import Commands, Dispatcher, Policy, StarterTelemetry, Tokens
 from gateway.store import Documents, HistoryRow
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter
@@ -59,12 +59,7 @@ class PluginSite(Protocol):
         """By table its password or token."""
 
 
-class ShownStarter(StarterIo, Protocol):
-    """One starter, as plugins see it."""
-
-    @property
-    def state(self) -> str:
-        """The one word for what it does."""
+ShownStarter = StarterTelemetry  # one starter, as plugins see it
 
 
 class Mqtt(Protocol):

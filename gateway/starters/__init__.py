@@ -28,4 +28,3 @@ from gateway.starters.services.services import serve
 from gateway.starters.setup import StarterSetup, ask, merged, polls_of
 from gateway.starters.starter import StarterTelemetry
 from gateway.starters.state import REFRESH_S, PublishedFaults, Reading, Readings, Value
-from gateway.starters.view import StarterIo

@@ -10,14 +10,14 @@ from gateway.families import Preparation, command
 from gateway.starters.command.run.decision import demand_identified
 from gateway.starters.policy.policy import Guard, Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 
 @dataclass
 class Admission:
     """Every method that checks raises CommandError for a command that must not be."""
 
-    starters: Mapping[str, StarterIo]
+    starters: Mapping[str, StarterTelemetry]
     policy: Policy
 
     def check_sender(self, request: CommandRequest) -> None:
@@ -56,7 +56,7 @@ class Admission:
         allowed, client = self.policy.rights.is_allowed, request.client
         return [name for name in self.members(request) if allowed(client, verb=STOP, starter=name)]
 
-    def check_target(self, request: CommandRequest, starter: StarterIo) -> Preparation:
+    def check_target(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
         """Demand that a command makes sense for a starter that answers, is known and not locked."""
         is_local = starter.snapshot.good_values().get("remote") is False
         preparation = command.prepare(
@@ -66,7 +66,7 @@ class Admission:
         demand_identified(request, starter)
         return preparation
 
-    def guard(self, request: CommandRequest, starter: StarterIo) -> Guard:
+    def guard(self, request: CommandRequest, starter: StarterTelemetry) -> Guard:
         """Return what watches over a command until its write; its selection, if it has one, is used up."""
         expectations = [Expectation(starter.profile, request.expect)]
         if request.select is not None:

@@ -30,27 +30,15 @@ from gateway.starters.command.run.decision import judge, rows_for
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Guard, Policy
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 from gateway.store import Journal, Remembered
-
-UNFIT = (  # of what is refused however often it comes: its id is free for a fit command
-    ResultCode.BAD_JSON,
-    ResultCode.BAD_PAYLOAD,
-    ResultCode.BEFORE_CONNECTION,
-    ResultCode.EXPIRED,
-    ResultCode.MALFORMED_TOPIC,
-    ResultCode.NO_ID,
-    ResultCode.RETAINED,
-    ResultCode.TOO_BIG,
-    ResultCode.UNKNOWN_VERB,
-)
 
 
 @dataclass(eq=False)
 class Dispatcher:
     """Takes commands for all starters, on the app's loop; every command gets exactly one final result."""
 
-    starters: Mapping[str, StarterIo]
+    starters: Mapping[str, StarterTelemetry]
     _: KW_ONLY
     records: RecordWriter
     journal: Journal
@@ -74,22 +62,18 @@ class Dispatcher:
         One that comes with a refusal is only answered: with that, or its repetition with its first result.
         """
         error = refusal or _error_of(self._admission.check_sender, request)
-        is_stop = error is None and request.verb == STOP  # never limited
-        if not is_stop and not self._overload.admits(self._key(request)):
-            self._overload.answer(self._key(request), request)
-            return
         earlier = self._reporting.ledger.find(request.client, request.id)
         is_repeat = earlier is not None and earlier.is_of(request)
-        if error is not None and not is_repeat:
+        if error is None and request.verb == STOP:  # never limited
+            self._take_stop(request, earlier if is_repeat else None)
+        elif not self._admits(request):
+            self._overload.answer(self._key(request), request)
+        elif error is not None and not is_repeat:
             self._refuse(request, error, is_stored=False)
-        elif earlier is not None and (not is_stop or (is_repeat and not earlier.result.phase.is_final)):
-            if is_stop and not self._is_closing:
-                self._stop_all(self._admission.stoppable(request), request.received_s)
-            # The answer to a stop under way comes in any case.
-            if not is_stop or self._overload.admits(self._key(request)):
-                self._repeat(request, earlier)
+        elif earlier is not None:
+            self._repeat(request, earlier)
         else:
-            self._carry_out(request, is_repeat=is_repeat)
+            self._carry_out(request)
 
     def verb_error(self, starter: str, verb: str) -> CommandError | None:
         """Return what is wrong with a verb for a starter; None when nothing is."""
@@ -140,10 +124,6 @@ class Dispatcher:
         """Return when the latest stop of any starter came, on the steady clock."""
         return self._under_way.stopped_s()
 
-    def freshness(self, request: CommandRequest) -> tuple[str, ...]:
-        """Return the settings that say what may prove such a command fresh."""
-        return self.policy.rights.freshness(request.client, verb=request.verb, starter=request.starter)
-
     def reopen(self) -> None:
         """Take commands for every starter again, judged by the policy's present settings and rights."""
         self._under_way.reopen()
@@ -180,6 +160,9 @@ class Dispatcher:
         """Return whose limits a command counts against: clients without any right share theirs."""
         return request.client if self.policy.rights.is_known(request.client) else ""
 
+    def _admits(self, request: CommandRequest) -> bool:
+        return self._overload.admits(self._key(request))
+
     def _repeat(self, request: CommandRequest, earlier: LedgerEntry) -> None:
         """Send the stored result of a command again; an id that stood for another command is refused."""
         result = earlier.result
@@ -197,26 +180,22 @@ class Dispatcher:
         A refused id stays so, else a copy could be carried out after its client has read the refusal.
         """
         is_known = self._reporting.ledger.find(request.client, request.id) is not None
-        retention = Retention.DISK if is_stored else Retention.NONE if error.code in UNFIT else Retention.RUN
-        retention = Retention.NONE if is_known else retention
+        retention = Retention.NONE if is_known else Retention.DISK if is_stored else Retention.RUN
         CommandReport(request, self._reporting, is_repeat=is_known, retention=retention).reject(error.reason)
 
     # Taking
 
-    def _carry_out(self, request: CommandRequest, *, is_repeat: bool) -> None:
-        """Take a command that is not known yet, or a stop."""
+    def _carry_out(self, request: CommandRequest) -> None:
+        """Take a command that is not known yet."""
         try:
             self._demand_open(request)
-            if request.verb == STOP:
-                self._take_stop(request, is_repeat=is_repeat)
-            elif request.verb in OWN_VERBS:
+            if request.verb in OWN_VERBS:
                 self._take_own(request)
             else:
                 self._take(request)
         except CommandError as refusal:
-            # Without the ledger, what it has may say something else; a stop is refused only at a run's end.
-            is_stored = refusal.code != ResultCode.NOT_STORED and request.verb != STOP
-            self._refuse(request, refusal, is_stored=is_stored)
+            # Without the ledger, what it has may say something else.
+            self._refuse(request, refusal, is_stored=refusal.code != ResultCode.NOT_STORED)
 
     def _take(self, request: CommandRequest) -> None:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
@@ -242,15 +221,27 @@ class Dispatcher:
         if request.verb == LOCK:
             self._under_way.cut_for_lock(request.starter)
 
-    def _take_stop(self, request: CommandRequest, *, is_repeat: bool) -> None:
-        """Stop a starter, or all members of a group that this client may stop; answer what can be."""
+    def _take_stop(self, request: CommandRequest, earlier: LedgerEntry | None) -> None:
+        """Stop a starter, or all members of a group that this client may stop; answer what can be.
+
+        `earlier`: the same stop under the same id. While that is under way, its end is the answer.
+        """
         names = self._admission.stoppable(request)
         is_full = any(self._under_way.answered_stops(name) >= ANSWERED_STOPS for name in names)
-        # Before anything is published: that takes longer than the line's silence.
-        self._stop_all(names, request.received_s)
+        if not self._is_closing:
+            # Before anything is published: that takes longer than the line's silence.
+            self._stop_all(names, request.received_s)
+        if earlier is not None and not earlier.result.phase.is_final:
+            if self._admits(request):
+                self._repeat(request, earlier)
+            return
+        if self._is_closing:
+            self._refuse(request, CommandError(ResultCode.SHUTTING_DOWN), is_stored=False)
+            return
         if is_full:
             self._overload.answer(self._key(request), request, is_stopped=True)
             return
+        is_repeat = earlier is not None
         report = CommandReport(request, self._reporting, is_repeat=is_repeat, retention=Retention.BEHIND)
         report.accept()
         if request.starter in self.starters:

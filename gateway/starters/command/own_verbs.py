@@ -35,7 +35,7 @@ from gateway.starters.command.report import CommandReport, Final
 from gateway.starters.policy.policy import GATEWAY, Policy
 from gateway.starters.policy.preconditions import NOTICE, owner_of, reason_in, refusal
 from gateway.starters.policy.selection import VALID_S
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 # Of a starter, the start of this id (None: the last good one) becomes the baseline, for this client; returns
 # the start, or raises CommandError.
@@ -53,7 +53,7 @@ class OwnVerbs:
     set_baseline: SetBaseline
 
     def __post_init__(self) -> None:
-        self._verbs: Mapping[str, tuple[set[str], Callable[[CommandRequest, StarterIo], Deed]]] = {
+        self._verbs: Mapping[str, tuple[set[str], Callable[[CommandRequest, StarterTelemetry], Deed]]] = {
             SELECT: ({"verb", "args"}, self._select),  # with the arguments that there may be
             CANCEL: (set(), self._cancel),
             LOCK: ({"reason"}, self._lock),
@@ -62,7 +62,7 @@ class OwnVerbs:
             BASELINE: ({"start"}, self._baseline),
         }
 
-    def judge(self, request: CommandRequest, starter: StarterIo) -> Deed:
+    def judge(self, request: CommandRequest, starter: StarterTelemetry) -> Deed:
         """Return what carries a command out, begun and judged; CommandError for one that must not be."""
         arguments, verb = self._verbs[request.verb]
         for strange in sorted(request.args.keys() - arguments):
@@ -73,7 +73,7 @@ class OwnVerbs:
 
     # Two-step commands
 
-    def _select(self, request: CommandRequest, starter: StarterIo) -> Deed:
+    def _select(self, request: CommandRequest, starter: StarterTelemetry) -> Deed:
         target, selections, now_s = target_of(request), self.policy.selections, self.policy.clock.now_s()
         if target.verb == STOP or target.verb not in command.verbs(starter.profile):
             raise CommandError(ResultCode.BAD_ARGUMENTS, "not_selectable", verb=target.verb[:40])
@@ -90,7 +90,7 @@ class OwnVerbs:
         reason = Reason(ResultCode.OK, "selected", state=state, verb=target.verb, valid_s=VALID_S)
         return Final(Phase.CONFIRMED, reason, {"select": token, "valid_s": VALID_S, "state": state})
 
-    def _cancel(self, request: CommandRequest, _starter: StarterIo) -> Deed:
+    def _cancel(self, request: CommandRequest, _starter: StarterTelemetry) -> Deed:
         selection = self.policy.selections.of(request.starter, now_s=self.policy.clock.now_s())
         if selection is None or selection.client != request.client:
             raise CommandError(ResultCode.NOT_SELECTED, "client", client=request.client)
@@ -100,7 +100,7 @@ class OwnVerbs:
 
     # Locks
 
-    def _lock(self, request: CommandRequest, starter: StarterIo) -> Deed:
+    def _lock(self, request: CommandRequest, starter: StarterTelemetry) -> Deed:
         """Lock a starter for this run, whether or not the lock can be stored."""
         reason = reason_in(request.args, request.reason)
         before = self.policy.motor_history.lock_of(request.starter)
@@ -115,7 +115,7 @@ class OwnVerbs:
         starter.emitter.event(EventCode.LOCKED, client=client, operator=who, reason=_why(request))
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "locked").noted(NOTICE))
 
-    def _unlock(self, request: CommandRequest, starter: StarterIo) -> Deed:
+    def _unlock(self, request: CommandRequest, starter: StarterTelemetry) -> Deed:
         """Unlock a starter; an unlocking that cannot be stored is undone."""
         before = self.policy.motor_history.lock_of(request.starter)
         if before is None:
@@ -147,13 +147,13 @@ class OwnVerbs:
             report.inform(before.by, Final(Phase.CONFIRMED, _removal(request, before), {"by": client}))
         return end.noted(Note("lock_was", owner=owner, reason=before.reason))
 
-    def _set_lock(self, starter: StarterIo, lock: LockRecord | None) -> None:
+    def _set_lock(self, starter: StarterTelemetry, lock: LockRecord | None) -> None:
         self.policy.motor_history.set_lock(starter.setup.name, lock)
         starter.republish_state()
 
     # What is compared with later devices and later starts
 
-    def _accept(self, request: CommandRequest, _starter: StarterIo) -> Deed:
+    def _accept(self, request: CommandRequest, _starter: StarterTelemetry) -> Deed:
         """Take the present device for the right one, for this run whether or not that can be stored."""
         self.policy.identities.waiting(request.starter)
         report: CommandReport = yield None
@@ -163,7 +163,7 @@ class OwnVerbs:
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "identity"), seen, seen)
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "identity"), seen, seen)
 
-    def _baseline(self, request: CommandRequest, _starter: StarterIo) -> Deed:
+    def _baseline(self, request: CommandRequest, _starter: StarterTelemetry) -> Deed:
         """Have later starts compared with the chosen one; None is the last good one."""
         start_id = request.args.get("start")
         if not isinstance(start_id, str | None):
@@ -185,10 +185,8 @@ def _why(request: CommandRequest) -> str | None:
 def _removal(request: CommandRequest, lock: LockRecord) -> Reason:
     """Return what the owner of a lock reads when another client has removed it."""
     who = f"{request.client} ({request.operator})" if request.operator else request.client
-    why = _why(request)
-    if not why:
-        return Reason(ResultCode.LOCK_REMOVED, "no_reason", who=who, reason=lock.reason)
-    return Reason(ResultCode.LOCK_REMOVED, "reason", who=who, why=why, reason=lock.reason)
+    why = _why(request) or "no reason was given"
+    return Reason(ResultCode.LOCK_REMOVED, who=who, why=why, reason=lock.reason)
 
 
 def _lock_data(lock: LockRecord | None) -> Mapping[str, Any]:

@@ -97,16 +97,8 @@ class Reporting:
         """Return the steady clock's time."""
         return self.records.clock.now_s()
 
-    def audit(
-        self,
-        request: CommandRequest,
-        decision: str,
-        code: str,
-        *,
-        before: Mapping[str, Any] | None = None,
-        after: Mapping[str, Any] | None = None,
-    ) -> None:
-        """Record one decision about a command."""
+    def audit(self, request: CommandRequest, decision: str, code: str, **sides: Any) -> None:
+        """Record one decision about a command; `sides` are the points `before` and `after` its write."""
         records = self.records
         records.put(
             AuditRecord(
@@ -120,11 +112,10 @@ class Reporting:
                 time_s=records.clock.utc_s(),
                 seq=next(records.sequence),
                 boot=records.boot,
-                before=before or {},
-                after=after or {},
                 id=request.id,
                 reason=request.reason,
                 source=request.source,
+                **sides,
             )
         )
 
@@ -212,8 +203,8 @@ class CommandReport:
     def _decide(self, end: Final) -> None:
         """Report what was decided, which the audit has as well."""
         self._report(end)
-        before, code = self.before, end.reason.code
-        self.reporting.audit(self.request, end.phase, code, before=before, after=end.after)
+        sides = {"before": self.before, "after": end.after}
+        self.reporting.audit(self.request, end.phase, end.reason.code, **sides)
 
     def _report(self, end: Final) -> None:
         if self.retention is Retention.AUDIT:

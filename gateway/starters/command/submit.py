@@ -14,29 +14,24 @@ from weakref import WeakValueDictionary
 
 from gateway.contract import STOP, CommandError, CommandRequest, EventCode, PublishEvent, Record, ResultRecord
 from gateway.starters.command.dispatcher import Dispatcher
-from gateway.starters.policy.freshness import BY_TOKEN, ArrivalTime, Tokens, decision_of
+from gateway.starters.policy.freshness import BY_TOKEN, ArrivalTime, Tokens, dated
 from gateway.system.clock import SETTLED_S, Clock, ClockWatch
 from gateway.system.stalls import SuspendWatch
 
+Results = AsyncIterator[ResultRecord]  # of one command as they come, up to the final one
+_Came = asyncio.Queue[ResultRecord]
 
-class Results(AsyncIterator[ResultRecord]):
-    """The results of one command as they come; it ends with the final one.
+
+async def _followed(came: _Came) -> Results:
+    """Return results as they come.
 
     Of a group's stop these are the group's own: its members' results have no ticket.
     """
-
-    def __init__(self) -> None:
-        self._came: asyncio.Queue[ResultRecord] = asyncio.Queue()
-        self._is_over = False
-        self.put = self._came.put_nowait
-
-    async def __anext__(self) -> ResultRecord:
-        """Return the next result."""
-        if self._is_over:
-            raise StopAsyncIteration
-        result = await self._came.get()
-        self._is_over = result.phase.is_final
-        return result
+    is_over = False
+    while not is_over:
+        result = await came.get()
+        is_over = result.phase.is_final
+        yield result
 
 
 @dataclass(eq=False)
@@ -56,7 +51,7 @@ class Commands:
 
     def __post_init__(self) -> None:
         self._tickets = itertools.count(1)
-        self._followed: WeakValueDictionary[int, Results] = WeakValueDictionary()
+        self._followed: WeakValueDictionary[int, _Came] = WeakValueDictionary()
         self.suspend_watch.on_suspended = self._note_suspension
         self.clock_watch.on_change = self._note_clock
 
@@ -69,9 +64,9 @@ class Commands:
 
         One that comes with a refusal is not fit to be judged; a repetition gets the first one's result.
         """
-        results = Results()
+        came = _Came()
         request = replace(request, ticket=next(self._tickets))
-        self._followed[request.ticket] = results
+        self._followed[request.ticket] = came
         refusal = refusal or self.dispatcher.verb_error(request.starter, request.verb)
         if refusal is None and request.verb != STOP:
             try:
@@ -79,12 +74,12 @@ class Commands:
             except CommandError as unproven:
                 refusal = unproven
         self.dispatcher.submit(request, refusal)
-        return results
+        return _followed(came)
 
     def put(self, record: Record) -> None:
         """Hand a result to who follows its command."""
-        if isinstance(record, ResultRecord) and (results := self._followed.get(record.ticket)):
-            results.put(record)
+        if isinstance(record, ResultRecord) and (came := self._followed.get(record.ticket)):
+            came.put_nowait(record)
 
     def look(self) -> None:
         """Notice a standstill or a step of the clock before anything that has waited meanwhile is judged."""
@@ -94,18 +89,16 @@ class Commands:
     def _decided(self, request: CommandRequest) -> CommandRequest:
         """Return a fresh command with the time at which it was decided upon; CommandError for others."""
         self.look()
-        decision = decision_of(
-            request.proof,
-            verb=request.verb,
-            # No bridge lies between this gateway and what is part of it.
-            freshness=(BY_TOKEN,) if request.source else self.dispatcher.freshness(request),
+        rights, client, verb = self.dispatcher.policy.rights, request.client, request.verb
+        granted = rights.freshness(client, verb=verb, starter=request.starter)
+        return dated(
+            request,
+            freshness=(BY_TOKEN,)
+            if request.source
+            else granted,  # no bridge lies before a part of the gateway
             tokens=self.tokens,
             moment=ArrivalTime(self.clock.now_s(), self.clock.utc_s(), self.clock_watch.doubt()),
         )
-        expires_s = decision.since_s + request.proof.ttl_s
-        if request.expires_s is not None:
-            expires_s = min(expires_s, request.expires_s)
-        return replace(request, expires_s=expires_s, decided_s=decision.earliest_s, decided_by=decision.proof)
 
     def _note_suspension(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited that long in the broker or a socket."""

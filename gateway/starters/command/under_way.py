@@ -17,13 +17,13 @@ from gateway.contract import READ, STOP, CommandError, CommandRequest, Reason, R
 from gateway.families import Expect, Preparation
 from gateway.starters.command.own_verbs import Deed
 from gateway.starters.command.report import CommandReport, Reporting, Retention
-from gateway.starters.command.run.decision import CAN_WAIT
+from gateway.starters.command.run.decision import CAN_WAIT, Judge
 from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
-from gateway.starters.policy.freshness import BY_TOKEN, MAX_AHEAD_S
+from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.policy import GATEWAY, Guard
 from gateway.starters.policy.preconditions import is_forbidden
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 _Work = TypeVar("_Work", CommandRun, Stopping)
 
@@ -34,7 +34,7 @@ AT_ONCE = 4  # commands of a line that have not yet done their first write: all 
 class UnderWay:
     """The commands and stops of all starters that are being carried out; all calls on the app's loop."""
 
-    starters: Mapping[str, StarterIo]
+    starters: Mapping[str, StarterTelemetry]
     reporting: Reporting
 
     def __post_init__(self) -> None:
@@ -65,7 +65,7 @@ class UnderWay:
                 self._stops.pop(name).give_way()
             line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other
             slot = self._slots.setdefault(line, asyncio.Semaphore(AT_ONCE))
-        run = CommandRun(report, starter, preparation, guard, slot, self._run_off)
+        run = CommandRun(Judge(report, starter, preparation, guard), slot, self._run_off)
         self._carry_out(self._runs, name, run)
 
     def do(self, report: CommandReport, deed: Deed) -> None:
@@ -110,9 +110,7 @@ class UnderWay:
         if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
             return
         if request.decided_s is not None and request.decided_s < stopped_s:
-            if request.decided_by == BY_TOKEN:
-                raise CommandError(ResultCode.STOPPED_FIRST, "token")
-            raise CommandError(ResultCode.STOPPED_FIRST, "issued_at", ahead_s=MAX_AHEAD_S)
+            raise CommandError(ResultCode.STOPPED_FIRST, "decided", ahead_s=MAX_AHEAD_S)
 
     def cut_for_lock(self, name: str) -> None:
         """Let a command that the lock forbids not be written any more; what is written is still read back."""
@@ -159,7 +157,10 @@ class UnderWay:
         """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
         own = CommandReport(request, self.reporting, retention=Retention.AUDIT)
-        order = self._stopping(request.starter).take_back(released, own)
+        stopping = self._stopping(request.starter)
+        stopping.frames.with_jog = True
+        order = stopping.ask(released)
+        order.report = own
         own.accept()
         return order
 

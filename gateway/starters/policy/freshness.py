@@ -20,11 +20,10 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import islice
-from operator import itemgetter
 
-from gateway.contract import MAX_TTL_S, READ, CommandError, Proof, ResultCode
+from gateway.contract import MAX_TTL_S, READ, CommandError, CommandRequest, Proof, ResultCode
 
 MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
 EVERY_S = 1.0  # between two tokens
@@ -113,46 +112,34 @@ class ArrivalTime:
     clock_doubt: str | None = None  # None: `issued_at` can be compared with `utc_s`
 
 
-@dataclass(frozen=True, slots=True)
-class Decision:
-    """When a fresh command was decided upon, on the steady clock; `proof` says what shows it."""
-
-    since_s: float  # its time to live runs from then
-    earliest_s: float | None = None  # it was not decided upon before; None: nothing shows that
-    proof: str = ""  # BY_TOKEN or BY_ISSUED_AT
-
-
-def decision_of(
-    proof: Proof, *, verb: str, freshness: Collection[str], tokens: Tokens, moment: ArrivalTime
-) -> Decision:
-    """Return when a fresh command was decided upon; CommandError for others.
+def dated(
+    request: CommandRequest, *, freshness: Collection[str], tokens: Tokens, moment: ArrivalTime
+) -> CommandRequest:
+    """Return a fresh command with the time at which it was decided upon; CommandError for others.
 
     `freshness` holds the settings of the operator's entries that give the right; any of them is enough.
     """
+    proof, now_s = request.proof, moment.now_s
     if proof.boot not in (None, tokens.boot.token):
         raise CommandError(ResultCode.WRONG_BOOT)
-    now_s, made_s, issued_s = moment.now_s, tokens.made_s(proof.token or ""), None  # on the steady clock
+    made_s, issued_s = tokens.made_s(proof.token or ""), None  # on the steady clock
     if proof.issued_s is not None and moment.clock_doubt is None:
         issued_s = now_s - (moment.utc_s - proof.issued_s)
-    found = ((made_s, BY_TOKEN), (issued_s, BY_ISSUED_AT))
-    dated = [(at_s, by) for at_s, by in found if at_s is not None]
-    for at_s, by in dated:
-        age_s, ttl_s, is_token = now_s - at_s, proof.ttl_s, by == BY_TOKEN
-        if age_s > ttl_s:
-            raise CommandError(
-                ResultCode.EXPIRED, "token" if is_token else "issued_at", age_s=age_s, ttl_s=ttl_s
-            )
+    dates = [at_s for at_s in (made_s, issued_s) if at_s is not None]
+    since_s = min(dates, default=now_s)
+    if now_s - since_s > proof.ttl_s:
+        raise CommandError(ResultCode.EXPIRED, "decided", age_s=now_s - since_s, ttl_s=proof.ttl_s)
     trouble = None if issued_s is None else _issued_trouble(issued_s, tokens, now_s)
     is_issued = issued_s is not None and trouble is None
-    if verb != READ and not is_issued and (made_s is None or BY_TOKEN not in freshness):
+    if request.verb != READ and not is_issued and (made_s is None or BY_TOKEN not in freshness):
         raise trouble or _unproven(proof, freshness, moment)
     if proof.is_early:
         raise before_connection()
-    if not dated:
-        return Decision(now_s)
-    at_s, by = min(dated, key=itemgetter(0))
+    expires_s = min(since_s, now_s) + proof.ttl_s
+    if request.expires_s is not None:
+        expires_s = min(expires_s, request.expires_s)
     ahead_s = MAX_AHEAD_S if made_s is None else 0.0  # the sender's clock may run so far before ours
-    return Decision(min(at_s, now_s), at_s - ahead_s, by)
+    return replace(request, expires_s=expires_s, decided_s=since_s - ahead_s if dates else None)
 
 
 def _issued_trouble(issued_s: float, tokens: Tokens, now_s: float) -> CommandError | None:

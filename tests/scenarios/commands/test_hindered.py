@@ -140,8 +140,8 @@ def hindered(
     begin = [answers(starter_name, rule)] if rule else []
     happens = {4.0: [*begin, do(words, **more.pop("args", {}))], **(at or {})}
     end = result(f"{verb} {said}", starter=starter_name)
-    given = FAMILIES[starter_name] + ALICE
-    return row(name, **{"given": given, **more}, at=happens, then={16.0: [end, *then]})
+    given, until_s = FAMILIES[starter_name] + ALICE, more.pop("until_s", 16.0)
+    return row(name, **{"given": given, **more}, at=happens, then={until_s: [end, *then]})
 
 
 def reset(name: str, rule: Rule, said: str, *pdus: str, text: str = "") -> Any:
@@ -157,6 +157,9 @@ CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not 
           RUN_OFF, text="nothing else was written"),
     reset("where run = 0 is not answered nothing else is written", when("05", "unheard"),
           "unconfirmed no_answer", RUN_OFF),
+    hindered("where run = 0 is acknowledged and still reads 1 nothing else is written", "pump reset",
+             "failed run_not_cleared", None, frames("pump", RUN_OFF),
+             at={2.0: ["pump trip E05", "pump VB03 = 0x0001"]}),
     reset("where reading run is refused the acknowledgement and a motor at rest suffice", HIDES_RUN,
           "confirmed ok", *WHOLE),
     reset("a reset that is refused has failed", when(RESET_1, 3), "failed illegal_data_value", *WHOLE),
@@ -318,6 +321,9 @@ DECIDED = [
         then={8.0: [msg("result/pump/alice", phase="rejected", code=re.compile("line_down|no_answer")),
                     frames("pump")]},
     ),
+    hindered("a stop that comes while the frame of a start is on its way ends the start as unconfirmed",
+             "pump start", "unconfirmed stopped_first", None, sim={"pump": QUICK}, until_s=4.05,
+             at={4.03: command("pump/alice/stop", id=None, fresh=False)}),
     hindered("a line that is never quiet from the second of four writes on leaves a command unconfirmed",
              "pump reset", "unconfirmed no_answer", None, frames("pump", RUN_OFF, JOG_OFF),
              at={2.0: "pump trip E05", 4.001: once_written("pump", JOG_OFF, chatter(0.002, 20.0))}),

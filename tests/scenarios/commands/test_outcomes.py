@@ -9,6 +9,7 @@ import pytest
 
 from tests.rig import (
     ScenarioRow,
+    command,
     fault,
     frames,
     msg,
@@ -16,6 +17,7 @@ from tests.rig import (
     play,
     result,
     row,
+    seen,
 )
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, FOUR, QUICK, SST, SSW06, SSW07, SSW900
@@ -88,6 +90,20 @@ ONCE = [
          at={3.0: [fault("silent", "pump", for_s=5.5)]}),
     ends("a start is confirmed by two readings, not by its acknowledgement", "pump start", "written ok",
          STARTED, until_s=5.0, at={2.0: f"pump {READY}"}),
+    row(
+        "the audit has each decision, with who claims to have decided, and what was read before and after",
+        given=SITE,
+        sim=SIM,
+        at={3.0: command("pump/alice/start", operator="Alice A.", reason="shift 2", id="one")},
+        then={
+            6.0: [
+                seen("audit", decision="accepted", times=1),
+                msg("audit", starter="pump", client="alice", verb="start", id="one", decision="confirmed",
+                    code="ok", operator="Alice A.", reason="shift 2", before={"running": False},
+                    after={"running": True}),
+            ]
+        },
+    ),
     ends("a setting whose answer is lost is read back", "pump set", "confirmed ok", SET, **SETS,
          at={3.12: fault("lose", "pump", count=1)}),
     ends("a motor that runs late but in time is confirmed", "pump start", "confirmed ok", STARTED,

@@ -127,6 +127,19 @@ READINGS = [
     by_the_readings("a watchdog that the line cannot keep", "belt set", "watchdog_unkept",
                     args={"parameter": "R41", "value": 1},
                     site=line(baud=1200) + starter("belt", 4, "sst"), within_s=6.0),
+    *(
+        by_the_readings(f"no {words} with {args}", words, "bad_arguments", args=args)
+        for words, args in (
+            ("pump start", {"value": True}),
+            ("pump jog", {}),
+            ("pump jog", {"value": "perhaps"}),
+            ("pump direction", {"value": "sideways"}),
+            ("pump set", {"parameter": "P314"}),
+            ("pump set", {"parameter": "P314", "value": 3, "quickly": True}),
+            ("pump read", {}),
+            ("pump output", {"output": "RL9", "value": True}),
+        )
+    ),
 ]  # fmt: skip
 
 

@@ -27,7 +27,3 @@ def test_what_was_written_is_never_decided_again_nor_called_rejected() -> None:
 
 def test_every_step_but_the_last_can_end() -> None:
     assert [step for step in CommandStep if not set(Phase) & set(NEXT[step])] == [CommandStep.DONE]
-
-
-def test_after_a_write_that_may_be_refused_the_next_one_is_the_first() -> None:
-    assert CommandStep.WRITING in NEXT[CommandStep.WRITING]

@@ -79,41 +79,33 @@ def test_a_file_that_is_none_is_refused_with_its_place(text: str, named: str) ->
     assert str(caught.value).startswith("a.toml")
 
 
-def test_a_difference_is_shown_with_values_and_labels() -> None:
-    before = saved(**entries_of(SSW07, Variant(), {"P230": (2,), "P314": (0,)}))
-    after = saved(**entries_of(SSW07, Variant(), {"P230": (1,), "P314": (0,)}))
+def of_raw(**raw: int) -> ParameterSet:
+    return saved(**entries_of(SSW07, Variant(), {code: (number,) for code, number in raw.items()}))
 
-    (found,) = differences(before, after, profile=SSW07)
 
-    assert found.text == "P230 command selection, remote mode: 2 (Serial) -> 1 (DI)"
+@pytest.mark.parametrize(
+    ("before", "after", "text"),
+    [
+        (of_raw(P230=2, P314=0), of_raw(P230=1, P314=0),
+         "P230 command selection, remote mode: 2 (Serial) -> 1 (DI)"),
+        (saved(), saved(P314=ParameterEntry(name="timeout", value=3, unit="s")),
+         "P314 timeout: not there -> 3 s"),
+        (saved(P230=ParameterEntry(value="DI")), saved(P230=ParameterEntry(value="Serial")),
+         "P230 : DI -> Serial"),
+        (of_raw(P003=1), of_raw(P003=2), ""),  # a reading
+        *((of_raw(P230=2), saved(P230=ParameterEntry(value=value)), "") for value in (2, 2.0, "serial")),
+    ],
+)  # fmt: skip
+def test_a_difference_is_shown_with_values_and_labels(
+    before: ParameterSet, after: ParameterSet, text: str
+) -> None:
+    assert [each.text for each in differences(before, after, profile=SSW07)] == ([text] if text else [])
 
 
 def test_what_is_measured_counts_only_when_asked_for() -> None:
-    before, after = (saved(**entries_of(SSW07, Variant(), {"P003": (raw,)})) for raw in (1, 2))
+    found = differences(of_raw(P003=1), of_raw(P003=2), profile=SSW07, with_readings=True)
 
-    assert differences(before, after, profile=SSW07) == ()
-    assert [each.code for each in differences(before, after, profile=SSW07, with_readings=True)] == ["P003"]
-
-
-def test_a_parameter_that_one_set_lacks_is_a_difference() -> None:
-    (found,) = differences(
-        saved(), saved(P314=ParameterEntry(name="timeout", value=3, unit="s")), profile=SSW07
-    )
-
-    assert found.text == "P314 timeout: not there -> 3 s"
-
-
-@pytest.mark.parametrize("value", [2, 2.0, "serial"])
-def test_a_value_that_people_wrote_is_the_same_as_the_raw_number(value: int | float | str) -> None:
-    live = saved(**entries_of(SSW07, Variant(), {"P230": (2,)}))
-
-    assert differences(live, saved(P230=ParameterEntry(value=value)), profile=SSW07) == ()
-
-
-def test_unlike_texts_differ() -> None:
-    one, other = saved(P230=ParameterEntry(value="DI")), saved(P230=ParameterEntry(value="Serial"))
-
-    assert len(differences(one, other, profile=SSW07)) == 1
+    assert [each.code for each in found] == ["P003"]
 
 
 @pytest.mark.parametrize(

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.contract import MAX_TTL_S, CommandError, Proof
+from gateway.contract import MAX_TTL_S, CommandError, CommandRequest, Proof
 from gateway.starters.policy.freshness import (
     BY_ISSUED_AT,
     BY_TOKEN,
@@ -14,11 +14,15 @@ from gateway.starters.policy.freshness import (
     ArrivalTime,
     RunToken,
     Tokens,
-    decision_of,
+    dated,
 )
 
 UTC_S = 1_795_222_923.0
 TOKEN = "token-1"
+
+
+def start(proof: Proof) -> CommandRequest:
+    return CommandRequest("pump", "alice", "start", id="1", proof=proof)
 
 
 @given(
@@ -42,9 +46,7 @@ def test_no_start_of_another_time_is_ever_fresh(
     proof = Proof(token=token, issued_s=UTC_S - age_s, boot=boot, ttl_s=ttl_s)
 
     with pytest.raises(CommandError) as caught:
-        decision_of(
-            proof, verb="start", freshness=freshness, tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt)
-        )
+        dated(start(proof), freshness=freshness, tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))
     assert caught.value.code in ("expired", "not_fresh", "wrong_boot")
 
 
@@ -65,6 +67,4 @@ def test_what_lacks_a_proof_reads_which_one_to_send(
     tokens.issue(7.0)
 
     with pytest.raises(CommandError, match=missing):
-        decision_of(
-            proof, verb="start", freshness=(freshness,), tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt)
-        )
+        dated(start(proof), freshness=(freshness,), tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))

@@ -76,16 +76,30 @@ def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_
     assert starts[0] == 3611.0
 
 
-def test_a_restart_forgets_nothing() -> None:
+LOCK = LockRecord(by="alice", since_s=UTC_S, reason="belt", operator="Alice A.")
+
+
+@pytest.mark.parametrize(
+    ("reading", "passed_s"),
+    [
+        *((later(30.0, step_s=step_s), 30.0) for step_s in (0.0, -DAY_S, -20.0, 20.0, DAY_S)),
+        # Of a restart of the machine only the time since its boot has certainly passed.
+        (ClockReading(40.0, UTC_S + DAY_S, "boot-2"), 40.0),
+        (ClockReading(40.0, UTC_S + DAY_S, "boot-1"), 40.0),  # the same: as where it cannot be read
+    ],
+)
+def test_a_restart_forgets_nothing_and_no_step_of_the_clock_changes_an_age(
+    reading: ClockReading, passed_s: float
+) -> None:
     motor_history = seen((100.0, "ready"))
     motor_history.note_start("a", now_s=150.0)
-    motor_history.set_lock("a", LockRecord(by="alice", since_s=UTC_S, reason="belt", operator="Alice A."))
+    motor_history.set_lock("a", LOCK)
 
-    new = restored(motor_history, saved_s=200.0, now_s=7.0, reading=later(30.0))
+    new = restored(motor_history, saved_s=200.0, now_s=7.0, reading=reading)
 
-    assert new.standing_since("a") == pytest.approx(7.0 - 130.0)
-    assert new.starts_since("a", -1e9) == [pytest.approx(7.0 - 80.0)]
-    assert new.lock_of("a") == LockRecord(by="alice", since_s=UTC_S, reason="belt", operator="Alice A.")
+    assert new.standing_since("a") == pytest.approx(7.0 - passed_s - 100.0)
+    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - passed_s - 50.0)]
+    assert new.lock_of("a") == LOCK
 
 
 def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> None:
@@ -95,32 +109,6 @@ def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> N
     new.note_state("a", "ready", now_s=9.0)
 
     assert new.standing_since("a") == 9.0
-
-
-@pytest.mark.parametrize("step_s", [-DAY_S, -20.0, 20.0, DAY_S])
-def test_a_clock_that_was_set_between_two_runs_changes_no_age(step_s: float) -> None:
-    motor_history = seen((100.0, "ready"))
-    motor_history.note_start("a", now_s=150.0)
-
-    new = restored(motor_history, saved_s=200.0, now_s=7.0, reading=later(30.0, step_s=step_s))
-
-    assert new.standing_since("a") == pytest.approx(7.0 - 130.0)
-    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 80.0)]
-
-
-@pytest.mark.parametrize("boot_id", ["boot-2", "boot-1"])  # the same: as where it cannot be read
-def test_over_a_restart_of_the_machine_only_the_time_since_its_boot_has_certainly_passed(
-    boot_id: str,
-) -> None:
-    motor_history = seen((100.0, "ready"))
-    motor_history.note_start("a", now_s=150.0)
-
-    new = restored(
-        motor_history, saved_s=200.0, now_s=7.0, reading=ClockReading(40.0, UTC_S + DAY_S, boot_id)
-    )
-
-    assert new.standing_since("a") == pytest.approx(7.0 - 140.0)
-    assert new.starts_since("a", 7.0 - 3600.0) == [pytest.approx(7.0 - 90.0)]
 
 
 def test_what_was_stored_of_a_starter_that_is_configured_no_more_is_dropped() -> None:

@@ -73,18 +73,11 @@ def test_a_start_is_refused_for_what_was_before(
     assert violation.text.endswith(end)
 
 
-@pytest.mark.parametrize(
-    ("rules", "is_counting"),
-    [
-        (NO_RULES, False),
-        (RuleSet(two_step=frozenset({"start"})), False),
-        (RuleSet(starts_per_hour=3), True),
-        (RuleSet(minimum_pause_s=1.0), True),
-        (RuleSet(feeder="a", stagger_s=1.0), True),
-    ],
-)
-def test_only_rules_that_look_back_need_a_memory(rules: RuleSet, is_counting: bool) -> None:
-    assert rules.is_counting is is_counting
+def test_only_rules_that_look_back_need_a_memory() -> None:
+    without = NO_RULES, RuleSet(two_step=frozenset({"start"}))
+    counting = RuleSet(starts_per_hour=3), PAUSE["a"], ON_A
+
+    assert [rules.is_counting for rules in (*without, *counting)] == [False, False, True, True, True]
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
@@ -24,7 +24,7 @@ from gateway.starters.command.report import CommandReport, CommandStep
 from gateway.starters.command.wire import DECIDES_FOR_S, LAST_READING_S, Rows, Wire, points_of
 from gateway.starters.identity import IdentityStatus, not_matching
 from gateway.starters.policy.policy import Guard
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 CAN_WAIT = frozenset({"read", "set", "configure", "output"})  # verbs that move no motor
 
@@ -37,7 +37,7 @@ MOST_READINGS = 4  # until two in a row agree
 
 def judge(
     request: CommandRequest,
-    starter: StarterIo,
+    starter: StarterTelemetry,
     preparation: Preparation,
     guard: Guard | None,
     *,
@@ -66,7 +66,7 @@ def rows_for(preparation: Preparation, known: Mapping[str, tuple[int, ...]]) -> 
     return {code: known[code] for code in _codes(preparation) & known.keys()}
 
 
-def demand_identified(request: CommandRequest, starter: StarterIo) -> None:
+def demand_identified(request: CommandRequest, starter: StarterTelemetry) -> None:
     """Demand that the starter is online and as configured; of another one the raw words may be read."""
     if not starter.is_answering:
         raise CommandError(ResultCode.OFFLINE, "starter")
@@ -103,16 +103,25 @@ class CommandDecision:
         return seen_s + LATER_STEP_S * (len(self.procedure.steps) - 1) + LAST_READING_S
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Judge:
     """Reads and decides for one command; what is read distinguishes its family as well."""
 
     report: CommandReport
-    starter: StarterIo
+    starter: StarterTelemetry
     preparation: Preparation
     guard: Guard
-    wire: Wire
-    lane: Priority
+    lane: Priority = field(init=False)
+    wire: Wire = field(init=False)
+
+    def __post_init__(self) -> None:
+        can_wait = self.report.request.verb in CAN_WAIT
+        self.lane = Priority.PARAMETERS if can_wait else Priority.COMMAND
+        self.wire = self.new_wire(self.report.request.until_s)
+
+    def new_wire(self, until_s: float) -> Wire:
+        """Return a way to the starter, which ends at that time."""
+        return Wire(self.starter, until_s=until_s, read_back_lane=max(self.lane, Priority.READ_BACK))
 
     async def decide(self) -> CommandDecision:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""

@@ -25,7 +25,6 @@ from typing import Any, assert_never
 from gateway.contract import CommandError, Note, Phase, Reason, ResultCode
 from gateway.families import (
     Expect,
-    Preparation,
     Procedure,
     WriteStep,
     decode,
@@ -37,13 +36,11 @@ from gateway.line import TOO_LATE, Answered, Garbled, Outcome, Priority, Refused
 from gateway.modbus import ExceptionCode, exception_name
 from gateway.starters.command.report import MAY_ACT_LATER, CommandReport, CommandStep, Final
 from gateway.starters.command.run import ends
-from gateway.starters.command.run.decision import CAN_WAIT, CommandDecision, Judge
+from gateway.starters.command.run.decision import CommandDecision, Judge
 from gateway.starters.command.run.ends import Outlook
 from gateway.starters.command.stop.machine import StopOrder
-from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError, Wire
+from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError
 from gateway.starters.identity import IdentityStatus
-from gateway.starters.policy.policy import Guard
-from gateway.starters.view import StarterIo
 
 logger = logging.getLogger(__name__)
 
@@ -71,19 +68,13 @@ class _OutdatedError(Exception):
 class CommandRun:
     """One accepted command under way; `run` always ends with the command's final result."""
 
-    report: CommandReport
-    starter: StarterIo
-    preparation: Preparation
-    guard: Guard
+    judge: Judge
     slot: asyncio.Semaphore | None  # among the commands of its line, until its first write; None: none needed
     run_off: RunOffBy
 
     def __post_init__(self) -> None:
+        self.report, self.starter, self._wire = self.judge.report, self.judge.starter, self.judge.wire
         self._held_slot = ExitStack()
-        is_patient = self.report.request.verb in CAN_WAIT
-        self._lane = Priority.PARAMETERS if is_patient else Priority.COMMAND
-        self._wire = self._new_wire(self.report.request.until_s)
-        self._judge = Judge(self.report, self.starter, self.preparation, self.guard, self._wire, self._lane)
         self._outlook = Outlook(self.report)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
 
@@ -123,17 +114,17 @@ class CommandRun:
         if self.slot is not None:
             await self._wire.wait_for(self.slot.acquire())
             self._held_slot.callback(self.slot.release)
-        decision = await self._judge.decide()
+        decision = await self.judge.decide()
         if decision.procedure.steps:
             # The watchdog of its line first, then the disk; rules and lock are judged for the last time.
-            await self._wire.wait_for(self.guard.reserve(decision.procedure))
+            await self._wire.wait_for(self.judge.guard.reserve(decision.procedure))
             await self._wire.wait_for(self.report.intend())
-            await self._wire.wait_for(self.guard.admit(decision.procedure))
+            await self._wire.wait_for(self.judge.guard.admit(decision.procedure))
         while decision.procedure.steps:
             try:
                 return await self._write_all(decision)
             except _OutdatedError:
-                decision = await self._judge.decide()
+                decision = await self.judge.decide()
         return ends.unwritten(decision.procedure, self._subject(decision.procedure, decision.rows))
 
     # Writing
@@ -189,7 +180,7 @@ class CommandRun:
                 return None
             if isinstance(outcome, Answered) and await self._wire.is_refused(step.then.reads, _NOT_SET_UP):
                 # A starter that does not let the bit be read: acknowledgement and standstill suffice.
-                await self._judge.demand_again()
+                await self.judge.demand_again()
                 return None
             point, within_s = step.then.name, step.then.within_s
             reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
@@ -217,7 +208,7 @@ class CommandRun:
         self._wire.until_s = until_s + decision.seen_within_s
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
         if not self._is_outdated():
-            outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
+            outcome = await self._wire.write(step.request, lane=self.judge.lane, until_s=until_s)
         now_s, is_unsent = self._wire.now_s(), _is_held(outcome)
         self._wire.until_s = deadline_s if is_unsent else now_s + decision.seen_within_s
         if is_unsent and now_s < deadline_s:
@@ -233,7 +224,7 @@ class CommandRun:
         if not decision.is_patient:
             until_s = min(until_s, decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s))
         while decision.is_patient or not self._is_outdated():
-            outcome = await self._wire.write(step.request, lane=self._lane, until_s=until_s)
+            outcome = await self._wire.write(step.request, lane=self.judge.lane, until_s=until_s)
             if not _is_held(outcome) or self._wire.now_s() >= until_s:
                 return outcome
         return Silent(TOO_LATE, is_sent=False)
@@ -287,7 +278,7 @@ class CommandRun:
             return end
         if self._is_another:
             return ends.unsafe(end)
-        self._wire = self._new_wire(self._wire.now_s() + ENDED_WITHIN_S)  # the other may be halted
+        self._wire = self.judge.new_wire(self._wire.now_s() + ENDED_WITHIN_S)  # the other may be halted
         try:
             for request in procedure.abandon:
                 outcome = await self._wire.write(request, lane=Priority.FOLLOW_UP)
@@ -300,9 +291,6 @@ class CommandRun:
     def _is_another(self) -> bool:
         """Return whether another device may answer since a silence: the procedure is not in its words."""
         return self.starter.identity_standing not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
-
-    def _new_wire(self, until_s: float) -> Wire:
-        return Wire(self.starter, until_s=until_s, read_back_lane=max(self._lane, Priority.READ_BACK))
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result contains them; nothing for other commands."""

@@ -16,13 +16,14 @@ from gateway.families import Profile, Variant, diagnosis
 from gateway.line import Priority
 from gateway.modbus import Request
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
-from gateway.starters.view import Emitter, Snapshot, StarterIo
+from gateway.starters.starter import StarterTelemetry
+from gateway.starters.state import Emitter, Snapshot
 
 
 class StopAddressee:
     """A `StarterWire` for a stop: as configured, until the device proves to be of another family."""
 
-    def __init__(self, starter: StarterIo) -> None:
+    def __init__(self, starter: StarterTelemetry) -> None:
         self._starter = starter
         self._rows = Snapshot({})  # what was read in another family's words: not for publishing
 

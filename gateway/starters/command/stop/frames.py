@@ -13,7 +13,6 @@ import asyncio
 import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Protocol
 
 from gateway.contract import Note, Reason
 from gateway.families import Procedure, WriteStep, command
@@ -52,24 +51,18 @@ class FrameFacts:
         return Note("over_babble") if self.is_over_babble else None
 
 
-class OnLeft(Protocol):
-    """Takes the number of a frame that may have reached the starter, and whether it was acknowledged."""
-
-    def __call__(self, number: int, *, is_acknowledged: bool) -> None:
-        """Record it."""
-
-
 @dataclass(eq=False)
 class Frames:
     """Sends the frames of one starter's stop.
 
-    `next_lane` says whether one more is needed, and how soon.
+    `next_lane` says whether one more is needed, and how soon. `on_left` is called with the number of a frame
+    that may have reached the starter, and `is_acknowledged`.
     """
 
     starter: StopAddressee
     wire: Wire
     next_lane: Callable[[], Priority | None]
-    on_left: OnLeft
+    on_left: Callable[..., None]
 
     def __post_init__(self) -> None:
         self._own = Bucket(OWN_FRAMES)
@@ -77,7 +70,6 @@ class Frames:
         self.wanted = 0  # the number of the frame that the latest message counts on
         self.handed = 0  # frames handed to the line
         self.facts = FrameFacts()
-        self.news = asyncio.Event()  # one of them has left
         self._due_s = 0.0  # when the next frame is due
         self._timer: asyncio.TimerHandle | None = None
         self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
@@ -127,7 +119,6 @@ class Frames:
             asked = [self.wire.hand_over(step.request, lane=lane) for step in steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
             logger.exception("starter=%s stop not sent", self.starter.setup.name)
-            self.news.set()
             return
         frame = asyncio.get_running_loop().create_task(self._follow(self.handed, steps, asked))
         self._under_way.add(frame)
@@ -157,7 +148,6 @@ class Frames:
         if self._is_mask_refused or any(_may_have_left(each) for each in counting):
             is_acknowledged = all(isinstance(each, Answered) for each in counting)
             self.on_left(number, is_acknowledged=is_acknowledged)
-        self.news.set()
         asyncio.get_running_loop().call_soon(self.send_if_due)  # once this frame is no longer under way
 
 

@@ -6,7 +6,7 @@
    until the time is up; then the latest two readings since the first frame decide.
 3. A reading that was lost says nothing, for `SEEN_WITHIN_S`; one that shows otherwise ends the row.
 4. A start or a jog that did not act is taken back by the same machine, with an order of the gateway's own
-   (`take_back`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
+   (`released`): it also asks for run and jog to read 0 in remote mode. A newer command ends it, its outcome
    is an event and an entry of the audit.
 
 Of a group each member is stopped so on its own: `group`.
@@ -17,7 +17,6 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Collection, Iterable
-from contextlib import suppress
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
@@ -37,12 +36,11 @@ from gateway.starters.command.wire import (
     Wire,
     points_of,
 )
-from gateway.starters.view import StarterIo
+from gateway.starters.starter import StarterTelemetry
 
 logger = logging.getLogger(__name__)
 
 DEADLINE_S = 10.0  # of each message
-UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
 LAST_READING_S = 5.0  # after that a reading which waits for a full line is waited for no longer
 SEEN_WITHIN_S = 2.0  # before its end, so that a stop counts as seen
 
@@ -102,31 +100,27 @@ class StopOrder:
 class Stopping:
     """One starter's stop under way; every stop message that comes meanwhile joins it."""
 
-    def __init__(self, starter: StarterIo) -> None:
+    def __init__(self, starter: StarterTelemetry) -> None:
         self._starter = StopAddressee(starter)
         self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
-        self._unread = 0  # the latest of them in a row that were not answered
         self._shown: dict[str, Any] = {}  # by the latest of them
 
-    def ask(self) -> None:
-        """Have a frame sent for one more message, and see it through; `join` gives it an answer."""
+    def ask(self, released: Expect | None = None) -> StopOrder:
+        """Have a frame sent for one more message, and see it through; a report gives it an answer.
+
+        `released`: to take back what a command may have left in the starter, until that is read as well.
+        """
         self._orders = [order for order in self._orders if order.report]
-        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s()))
+        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s(), released=released))
+        return self._orders[-1]
 
     def join(self, report: CommandReport) -> None:
         """Report the end of the stop command, already accepted, for which `ask` was just called."""
         self._orders[-1].report = report
         report.before = self._starter.snapshot.good_values()
-
-    def take_back(self, released: Expect, report: CommandReport) -> StopOrder:
-        """Take back what a command that failed may have left in the starter: run = 0 and jog = 0 at once."""
-        self.frames.with_jog = True
-        order = StopOrder(self.frames.ask(), self._wire.now_s(), report, released)
-        self._orders.append(order)
-        return order
 
     @property
     def count(self) -> int:
@@ -181,32 +175,22 @@ class Stopping:
     async def _read_on(self) -> None:
         """Read the starter back until every message has its end."""
         while self._orders:
+            shown: Collection[StopOrder] = ()
             if any(order.is_written for order in self._orders):
                 self._readings += 1
                 shown = await self._read_back()
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
-                self._end_what_is_over(shown)
-                self.frames.send_if_due()
-                if self._orders:
-                    pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
-                    await self._wire.wait_for(asyncio.sleep(pause_s))
             else:
-                await self._wait_for_a_frame()
                 self.frames.procedure()  # what cannot be built cannot be sent
-                self._end_what_is_over(())
-
-    async def _wait_for_a_frame(self) -> None:
-        self.frames.news.clear()
-        self._wire.until_s = min(order.until_s for order in self._orders)
-        with suppress(OverdueError):
-            await self._wire.wait_for(self.frames.news.wait())
-        self._wire.until_s = inf
+            self._end_what_is_over(shown)
+            self.frames.send_if_due()
+            if self._orders:
+                await self._wire.wait_for(asyncio.sleep(READ_BACK_PAUSE_S))
 
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
         expect, number = self.frames.procedure().verify, self._readings
         rows = None if expect is None else await self._read_in_time(expect.reads)
-        self._unread = self._unread + 1 if rows is None else 0
         if expect is None or rows is None:
             return ()
         # What a start that is taken back needs besides: a starter may refuse it, and is stopped all the same.
