@@ -69,7 +69,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
     )
     uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=bus, publish_event=publish_event)
-    state.follow(uplink.disk_sync.note_news)
+    state.on_news = uplink.disk_sync.note_news
     state.commands.row_of = uplink.stage
     policy = Policy(
         policy_of(config),

@@ -23,7 +23,7 @@ from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
-from gateway.errors import DamagedError, NewerError
+from gateway.errors import DamagedError, NewerError, StoreError
 from gateway.store.database import refuse_later, snapshot, stored_version, translated, write_file
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
@@ -217,8 +217,11 @@ def own_files(state_dir: Path) -> Iterator[Path]:
 
 def found_versions(state_dir: Path) -> dict[str, int]:
     """Return the version of each file that is there and can be read, by name."""
-    versions = {name: stored_version(state_dir / name, schema) for name, schema in SCHEMAS.items()}
-    return {name: version for name, version in versions.items() if version is not None}
+    versions: dict[str, int] = {}
+    for name in SCHEMAS:
+        with suppress(StoreError):
+            versions[name] = stored_version(state_dir / name)
+    return versions
 
 
 def refuse_newer(state_dir: Path, versions: Mapping[str, int] | None = None) -> None:

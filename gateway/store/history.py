@@ -2,9 +2,8 @@
 
 The file has a thread of its own too, so that neither commands nor the outbox wait for it. A row is a JSON
 object of a kind, of which the newest few stay for each starter. It is compressed (a curve of 300 samples
-takes about 4 KB), and the compression carries a checksum (RFC 1950): a damaged row is left out when it is
-read. The order of rows is that in which they came first, whatever the wall clock said. While the disk is away
-rows wait in memory, a bounded number of them.
+takes about 4 KB); one that cannot be unpacked is left out. The order of rows is that in which they came
+first, whatever the wall clock said. While the disk is away rows wait in memory, a bounded number of them.
 """
 
 from __future__ import annotations
@@ -21,11 +20,10 @@ from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.errors import StoreError, UnstorableError
+from gateway.errors import UnstorableError
 from gateway.store.database import Connection, Work, read_file
 from gateway.store.schema import HISTORY, HISTORY_FILE
-from gateway.store.waiting import Key
-from gateway.store.worker import BEHIND_S, RETRY_S, OnNews, Store
+from gateway.store.worker import BEHIND_S, RETRY_S, Key, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
@@ -74,7 +72,7 @@ class HistoryStore:
         collect_s: float = COLLECT_S,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        self._store = Store(path, HISTORY, retry_s=retry_s, most_keys=MOST_UNSAVED, prepare=prepare)
+        self._store = Store(path, HISTORY, retry_s=retry_s, most_waiting=MOST_UNSAVED, prepare=prepare)
         self._collect_s = collect_s
         self._copies = count()  # each is made, in their order
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None
@@ -121,12 +119,7 @@ class HistoryStore:
 
 def read_history(state_dir: Path, starter: str) -> list[HistoryRow]:
     """Return what is stored of a starter, the oldest first, beside a gateway that runs or not; StoreError."""
-    try:
-        return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
-    except StoreError as error:
-        if isinstance(error.__cause__, FileNotFoundError):
-            raise StoreError(f"{error} (has a gateway run with this state_dir?)") from error
-        raise
+    return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
 
 
 def with_curves(rows: Sequence[HistoryRow]) -> list[HistoryRow]:
@@ -153,15 +146,13 @@ def _copy(connection: Connection, *, starter: str, kind: str, id_: str, to_kind:
 
 
 def _rows(connection: Connection, *, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
-    """Return the rows of these kinds (none: of all), but those that are damaged."""
+    """Return the rows of these kinds (none: of all) that can be read."""
     of_kinds = f" AND kind IN ({', '.join('?' * len(kinds))})" if kinds else ""
     found = connection.execute(f"{_OF_STARTER}{of_kinds} ORDER BY number", (starter, *kinds))
     rows = []
     for kind, id_, packed in found:
-        with suppress(zlib.error, ValueError, TypeError):
-            data = json.loads(zlib.decompress(packed))
-            if isinstance(data, dict):
-                rows.append(HistoryRow(starter, str(kind), str(id_), data))
+        with suppress(zlib.error, ValueError):
+            rows.append(HistoryRow(starter, kind, id_, json.loads(zlib.decompress(packed))))
     return rows
 
 

@@ -29,8 +29,7 @@ SETTLE_WITHIN_S = 2.0
 class StateStore:
     """All calls on the app's loop; `path` None: in memory.
 
-    Without operators it is no error, only a warning, when nothing can be stored. `follow` passes the store's
-    news on, after the parts of this.
+    Without operators it is no error, only a warning, when nothing can be stored.
     """
 
     takes = (AuditRecord,)
@@ -45,17 +44,14 @@ class StateStore:
         retry_s: float = RETRY_S,
     ) -> None:
         self._publish_event = publish_event
+        self._has_operators = has_operators
         prepare = partial(import_late, None if path is None else path.parent)
         self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
-        self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
+        self.documents = Documents(self.store, path, publish_event=publish_event)
         self.commands = CommandTable(self.store, on_slow=self._note_slow)
         self._audit = Audit(self.store, boot=boot)
-        self._followers: list[OnNews] = []
+        self.on_news: OnNews = lambda *_: None  # gets the store's news after the parts of this
         self._is_away = False
-
-    def follow(self, on_news: OnNews) -> None:
-        """Have this called with the store's news from now on."""
-        self._followers.append(on_news)
 
     def start(self, version: str, *, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
@@ -70,7 +66,7 @@ class StateStore:
 
     def apply(self, *, has_operators: bool) -> None:
         """Apply another configuration, and record in the audit from when."""
-        self.documents.is_operated = has_operators
+        self._has_operators = has_operators
         self._audit.note("gateway_reloaded", "by another configuration from now on")
 
     async def settle(self) -> None:
@@ -101,8 +97,7 @@ class StateStore:
                 self._publish_event(EventCode.STORE_LOST, severity=self._severity(), trouble=text)
                 self._audit.note("chain_begun_anew", text)
                 self.documents.save_all()
-        for follower in self._followers:
-            follower(news, text)
+        self.on_news(news, text)
 
     def _severity(self) -> Severity:
-        return Severity.ERROR if self.documents.is_operated else Severity.WARNING
+        return Severity.ERROR if self._has_operators else Severity.WARNING

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import os
 import random
-import re
 import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
@@ -37,10 +36,9 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, act
 from tests.rig.sites import ALICE, QUICK, SSW07
-from tests.rig.state import fail_disk, heal_disk, with_sql
+from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.broker.support import HEAL, TRIP
 
-OLDEST = "SELECT min(place) FROM outbox WHERE rank = 1"
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
 
 
@@ -173,29 +171,6 @@ DISKS = [
         },
         then={20.0: [event("store_lost"), seen("starter/pump/event", code="fault", times=1)]},
     ),
-]
-
-
-DISKS += [
-    row(
-        f"an outbox with a row whose {damage} declares that row, and all others go out",
-        given=SSW07,
-        at={
-            4.0: "broker down",
-            5.0: TRIP,
-            7.0: HEAL,
-            9.0: ["end", with_sql(f"UPDATE outbox SET {damage} WHERE place = ({OLDEST})"), "start"],
-            12.0: TRIP,
-            14.0: "broker up",
-        },
-        then={
-            20.0: [
-                event("gap", text=re.compile("damaged"), data={"count": 1}),
-                seen("starter/pump/event", code="fault"),
-            ]
-        },
-    )
-    for damage in ("payload = 7", "time_s = 'x'")
 ]
 
 
