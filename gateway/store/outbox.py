@@ -13,22 +13,26 @@ the end of a rank fills its pages.
 from __future__ import annotations
 
 import enum
+import zlib
 from collections.abc import Collection, Iterable, Sequence
 from typing import Any, NamedTuple
 
+from gateway.errors import DamagedError
 from gateway.store.database import Connection
 
 ROW_BYTES = 220  # what a row costs besides its topic and payload, in memory and on the disk
 ID_BITS = 56
+LATEST_S = 2**33
 
-_COLUMNS = "topic, payload, time_s, boot, key, correlation"
-_INSERT = f"INSERT INTO outbox (place, {_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
+_COLUMNS = "topic, payload, time_s, boot, key, correlation, checksum"
+_INSERT = f"INSERT INTO outbox (place, {_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
 _DELETE = "DELETE FROM outbox WHERE place = ?"
 _PAGE = f"SELECT id, rank, {_COLUMNS} FROM outbox WHERE place > ? AND place < ? ORDER BY place LIMIT ?"
 _LAST = "SELECT coalesce(max(place), 0) FROM outbox WHERE place < ?"
 _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
+_TIME = f"max(min(time_s, {LATEST_S}), 0.0)"  # also where that is damaged
 _TOTALS = f"""
-    SELECT rank, count(*), sum({_SIZE}), min(time_s), max(time_s) FROM outbox WHERE id <= ? GROUP BY rank
+    SELECT rank, count(*), sum({_SIZE}), min({_TIME}), max({_TIME}) FROM outbox WHERE id <= ? GROUP BY rank
 """
 _KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != '' ORDER BY id"
 _LOSSES = "SELECT reason, rank, rows, first_s, last_s FROM outbox_losses"
@@ -97,7 +101,10 @@ class OutboxTable:
     def insert(self, connection: Connection, rows: Iterable[OutboxRow]) -> None:
         """Write rows, whose times are UTC; those that are there already stay as they are."""
         base = self._base(connection)
-        connection.executemany(_INSERT, ((_place(row.rank, row.id + base), *row[2:]) for row in rows))
+        stored = (row._replace(id=row.id + base) for row in rows)
+        connection.executemany(
+            _INSERT, ((_place(row.rank, row.id), *row[2:], _checksum(row)) for row in stored)
+        )
 
     def delete(self, connection: Connection, ids: Iterable[tuple[Rank, int]]) -> None:
         """Delete rows; those that are not there do not matter."""
@@ -122,8 +129,9 @@ class OutboxTable:
 
     def payloads(self, connection: Connection, keys: Collection[str]) -> dict[str, bytes]:
         """Return what is published with these keys; reads the whole table."""
-        wanted = f"SELECT key, payload FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
-        return dict(connection.execute(wanted, tuple(keys)).fetchall())
+        wanted = f"SELECT id, rank, {_COLUMNS} FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
+        rows = (_row(*columns, base=0) for columns in connection.execute(wanted, tuple(keys)))
+        return {row.key: row.payload for row in rows}
 
     def losses(self, connection: Connection) -> list[Loss]:
         """Return the losses that are not declared yet."""
@@ -146,7 +154,15 @@ def _place(rank: int, id_: int) -> int:
 
 
 def _row(id_: int, rank: int, *columns: Any, base: int) -> OutboxRow:
-    return OutboxRow(id_ - base, Rank(rank), *columns)
+    *of_row, checksum = columns
+    row = OutboxRow(id_, Rank(rank), *of_row)
+    if _checksum(row) != checksum:
+        raise DamagedError("a message in it is damaged")
+    return row._replace(id=id_ - base)
+
+
+def _checksum(row: OutboxRow) -> int:
+    return zlib.crc32(repr((int(row.rank), row.id, *row[2:])).encode("utf-8", "backslashreplace"))
 
 
 def merged(losses: Iterable[Loss]) -> list[Loss]:

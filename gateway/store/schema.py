@@ -6,12 +6,12 @@ them all. A step never changes once it was released: a changed table is one step
 
 from __future__ import annotations
 
-from gateway.store.database import Connection, Schema, Work
+from gateway.store.database import Schema, Work
 from gateway.store.outbox import ID_BITS
 
 STATE_FILE, HISTORY_FILE = "state.sqlite", "history.sqlite"
 
-_FIRST = (
+_STATE = (
     """
     CREATE TABLE commands (
         client TEXT NOT NULL, id TEXT NOT NULL, starter TEXT NOT NULL, may_be_written INTEGER NOT NULL,
@@ -34,25 +34,18 @@ _FIRST = (
     "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID",
     "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL, upto INTEGER NOT NULL)",
 )
-_SECOND = ("ALTER TABLE outbox DROP COLUMN checksum",)
-_HISTORY = (
-    """
+_HISTORY = """
     CREATE TABLE history (
         number INTEGER PRIMARY KEY AUTOINCREMENT, starter TEXT NOT NULL, kind TEXT NOT NULL, id TEXT NOT NULL,
         time_s REAL NOT NULL, data BLOB NOT NULL, UNIQUE (starter, kind, id)
     )
-    """,
-)
+"""
 
 
 def _step(*statements: str) -> Work:
-    def take(connection: Connection) -> None:
-        for sql in statements:
-            connection.execute(sql)
-
-    return take
+    return lambda connection: [connection.execute(sql) for sql in statements]
 
 
-STATE = Schema("state", steps=(_step(*_FIRST), _step(*_SECOND)))
-HISTORY = Schema("history", steps=(_step(*_HISTORY),))
+STATE = Schema("state", steps=(_step(*_STATE),))
+HISTORY = Schema("history", steps=(_step(_HISTORY),))
 SCHEMAS = {STATE_FILE: STATE, HISTORY_FILE: HISTORY}
