@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.system.whole_files import NEW, private, put_in_place, sync_file
+from gateway.system.whole_files import private
 
 log = logging.getLogger(__name__)
 
@@ -215,21 +215,11 @@ class Database:
             raise DamagedError(f"{self.path} has other tables")
 
 
-def snapshot(path: Path, copy: Path, schema: Schema) -> int:
-    """Copy a database as it is at one moment, also while a gateway writes to it; return its version.
-
-    The copy appears whole and on the disk, for its owner alone, or not at all. StoreError.
-    """
-    new = copy.with_name(copy.name + NEW)
-    with translated(copy):
-        new.unlink(missing_ok=True)
-        os.close(private(str(new), os.O_RDWR | os.O_CREAT))
-        with _reader(path) as source:
-            version = _known_version(source, path, schema)
-            source.execute("VACUUM INTO ?", (str(new),))
-        sync_file(new)
-        put_in_place(new, copy)
-    return version
+def copy_file(path: Path, copy: Path) -> int:
+    """Copy a database as it is at one moment, while a gateway writes to it or not; return its version."""
+    with _reader(path) as source:
+        source.execute("VACUUM INTO ?", (str(copy),))
+        return int(_ask(source, "PRAGMA user_version"))
 
 
 def stored_version(path: Path) -> int:

@@ -92,7 +92,6 @@ class Store:
     ) -> None:
         self._prepare: Callable[[], object] | None = prepare
         self._file = Database(path, schema, max_bytes=max_bytes)
-        self._file.on_lost = partial(self._report, News.LOST)
         self._on_news: OnNews = lambda *_: None
         self._urgent, self._others = dict[object, Piece](), dict[object, Piece]()  # until they are done
         self._most_waiting = most_waiting
@@ -100,9 +99,8 @@ class Store:
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
         self._error: StoreError | None = StoreError("it is not open yet")  # why nothing can be stored
-        self._reported: News | None = None
         self._pause_s = retry_s
-        self._retry_s = 0.0  # when what failed is tried again
+        self._retry_s = 0.0  # when what failed is tried again; 0: nothing has been tried yet
         self._busy_since_s: float | None = None
         self._is_closed = False
 
@@ -122,7 +120,7 @@ class Store:
     @property
     def is_away(self) -> bool:
         """Return whether the last attempt to store something has failed."""
-        return self._reported is News.AWAY
+        return self._error is not None and self._retry_s > 0.0
 
     @property
     def unsaved(self) -> int:
@@ -132,6 +130,7 @@ class Store:
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""
         self._on_news = on_news
+        self._file.on_lost = partial(on_news, News.LOST)
         self._thread.start()
 
     def submit(
@@ -286,7 +285,7 @@ class Store:
             self._prepare = None
         self._file.take_reserve()
         self._error = None
-        self._report(News.OPEN, f"{self._file.path} is open")
+        self._on_news(News.OPEN, f"{self._file.path} is open")
 
     def _in_time(self, batch: Sequence[Piece], begun: list[Piece]) -> Iterator[Work]:
         """Yield the pieces' work until it has taken too long, or something urgent has come meanwhile."""
@@ -327,14 +326,11 @@ class Store:
         """Begin a pause before the next attempt, unless this error is one that the pause makes."""
         if time.monotonic() < self._retry_s:
             return
+        is_news = not self.is_away
         self._retry_s = time.monotonic() + self._pause_s
         self._error = error
-        if self._reported is not News.AWAY:
-            self._report(News.AWAY, str(error))
-
-    def _report(self, news: News, text: str) -> None:
-        self._reported = news
-        self._on_news(news, text)
+        if is_news:
+            self._on_news(News.AWAY, str(error))
 
 
 def _ended(future: Future[T], trouble: str) -> Future[T]:
