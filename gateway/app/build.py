@@ -176,7 +176,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     plugins += [PluginRunner(name, site, gateway) for name in NAMES]
 
     bus.connect(
-        state,  # the audit has a decision before any client can read of it
+        state.audit,  # it has a decision before any client can read of it
         policy,  # states: starts and standstills
         services,  # what commands set
         RecordLog(clock),

@@ -15,7 +15,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gateway.contract import AuditRecord, rfc3339
+from gateway.contract import AuditRecord, Record, rfc3339
 from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
@@ -42,12 +42,14 @@ _BE_ANCHOR = "UPDATE audit SET number = 0 WHERE number = ?"
 class Audit:
     """Takes entries in order; returns at once. All calls on the app's loop."""
 
+    takes = (AuditRecord,)
+
     def __init__(self, store: Store, *, boot: str) -> None:
         self._store = store
         self._boot = boot
-        self._taken = self._lost = 0
+        self._lost = 0
 
-    def put(self, record: AuditRecord) -> None:
+    def put(self, record: Record) -> None:
         """Take a decision about a command."""
         said = record.fields()
         claims = {f"claimed_{claim}": said.pop(claim) for claim in ("operator", "reason")}
@@ -58,9 +60,8 @@ class Audit:
         self._take(note_of(code, text, self._boot))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        self._taken += 1
-        key, work = ("audit", str(self._taken)), partial(append, entry=entry)
-        self._store.submit(work, key=key, within_s=BEHIND_S).add_done_callback(on_this_loop(self._note_end))
+        done = self._store.submit(partial(append, entry=entry), is_kept=True, within_s=BEHIND_S)
+        done.add_done_callback(on_this_loop(self._note_end))
 
     def _note_end(self, future: Future[None]) -> None:
         if future.exception() is not None:

@@ -19,7 +19,7 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
 from gateway.errors import DamagedError, StoreError
@@ -55,28 +55,8 @@ class Remembered(NamedTuple):
     may_be_written: bool  # something may have reached the starter
 
 
-class Journal(Protocol):
-    """Where commands are stored. All calls on the app's loop."""
-
-    @property
-    def trouble(self) -> str:
-        """Why nothing can be stored now; empty when it can."""
-
-    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once that is stored.
-
-        Of a final phase it is called as well when that fails, or takes too long.
-        """
-
-    async def intend(self, result: ResultRecord) -> None:
-        """Return when it is on the disk that the command is about to be written; CommandError if not."""
-
-    def forget(self, keys: Sequence[Key]) -> None:
-        """Delete these commands."""
-
-
-class CommandTable(Journal):
-    """Stores commands on the disk; only `intend` and `settle` wait for it."""
+class Journal:
+    """Stores commands; only `intend` and `settle` wait for the disk. All calls on the app's loop."""
 
     def __init__(self, store: Store, *, on_slow: Callable[[float], None]) -> None:
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
@@ -91,7 +71,10 @@ class CommandTable(Journal):
         return self._store.trouble or ("" if self._is_recalled else "it has not been read yet")
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
+        """Store a command's latest phase; `then` is called once that is stored.
+
+        Of a final phase it is called as well when that fails, or takes too long.
+        """
         key = _key(result)
         if key is None or result.phase is Phase.WRITTEN:
             if then is not None:
@@ -172,7 +155,7 @@ class CommandTable(Journal):
 
     def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Have the commands of earlier runs read, once, before any of this run is written."""
-        done = self._store.submit(_read, key=("recall",), is_urgent=True)
+        done = self._store.submit(_read, is_kept=True, is_urgent=True)
         done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
 
     def _recall(

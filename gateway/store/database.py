@@ -7,18 +7,15 @@ overwritten. Without a path the same lives in memory.
 from __future__ import annotations
 
 import errno
-import logging
 import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from gateway.errors import DamagedError, NewerError, StoreError
 from gateway.system.whole_files import private
-
-log = logging.getLogger(__name__)
 
 Connection = sqlite3.Connection
 Work = Callable[[Connection], Any]
@@ -146,10 +143,8 @@ class Database:
         """Close the file."""
         connection, self._connection = self._connection, None
         if connection is not None:
-            try:
+            with suppress(sqlite3.Error):  # its last checkpoint failed: the next one to open it does that
                 connection.close()
-            except sqlite3.Error as error:  # its last checkpoint failed: the next one to open it does that
-                log.info("store=%s %s", self.path, error)
 
     def _give_up_reserve(self) -> bool:
         """Give the room back to the disk; return whether there was any."""
@@ -161,13 +156,10 @@ class Database:
     def _shrink(self) -> None:
         """Give back to a full disk what the file does not need, as far as that is possible now."""
         connection = self._opened()
-        try:
-            with translated(self.path):
-                # As a script: it makes a step a page, of which `execute` takes the first alone.
-                connection.executescript(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})")
-                _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
-        except StoreError as error:  # the next attempt does it
-            log.debug("store=%s %s", self.path, error)
+        with suppress(StoreError), translated(self.path):  # else the next attempt does it
+            # As a script: it makes a step a page, of which `execute` takes the first alone.
+            connection.executescript(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})")
+            _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
 
     def _opened(self) -> Connection:
         if self._connection is None:

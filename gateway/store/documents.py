@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
-from gateway.store.database import Connection, read_file, translated, write_file
+from gateway.store.database import Connection, read_file, write_file
 from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
 from gateway.store.worker import BEHIND_S, Store
@@ -129,12 +129,9 @@ def read_bodies(path: Path | None) -> dict[str, str]:
     """Return the documents in a file, by name; those of 0.2.0 while there is no file. StoreError."""
     if path is None:
         return {}
-    with translated(path):
-        if is_import_due(path.parent):
-            return documents_of_0_2(path.parent)
-        return (
-            read_file(path, STATE, lambda file: dict(file.execute(_READ).fetchall())) if path.exists() else {}
-        )
+    if is_import_due(path.parent):
+        return documents_of_0_2(path.parent)
+    return read_file(path, STATE, lambda file: dict(file.execute(_READ).fetchall())) if path.exists() else {}
 
 
 def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:

@@ -16,14 +16,13 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.errors import UnstorableError
-from gateway.store.database import Connection, Work, read_file
+from gateway.store.database import Connection, read_file
 from gateway.store.schema import HISTORY, HISTORY_FILE
-from gateway.store.worker import BEHIND_S, RETRY_S, Key, OnNews, Store
+from gateway.store.worker import BEHIND_S, RETRY_S, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
@@ -72,9 +71,8 @@ class HistoryStore:
         collect_s: float = COLLECT_S,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        self._store = Store(path, HISTORY, retry_s=retry_s, most_waiting=MOST_UNSAVED, prepare=prepare)
+        self._store = Store(path, HISTORY, retry_s=retry_s, most_kept=MOST_UNSAVED, prepare=prepare)
         self._collect_s = collect_s
-        self._copies = count()  # each is made, in their order
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None
 
     def start(self, on_news: OnNews, on_stored: Callable[[HistoryRow], None]) -> None:
@@ -84,13 +82,14 @@ class HistoryStore:
 
     def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
         """Store a row; an urgent one soon, with all that was put before, others within seconds."""
-        done = self._put(partial(_write, row=row), row[:3], BEHIND_S if is_urgent else self._collect_s)
+        within_s = BEHIND_S if is_urgent else self._collect_s
+        done = self._store.submit(partial(_write, row=row), key=row[:3], within_s=within_s)
         done.add_done_callback(on_this_loop(partial(self._note_stored, row)))
 
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
         work = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
-        self._put(work, (starter, to_kind, "copy", str(next(self._copies))), BEHIND_S)
+        self._store.submit(work, is_kept=True, within_s=BEHIND_S)
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what is stored of a starter, with what was put before this; the oldest first; StoreError."""
@@ -108,9 +107,6 @@ class HistoryStore:
     async def close(self, *, within_s: float) -> bool:
         """Close the file when all is written; return whether there was time for it."""
         return await asyncio.to_thread(self._store.close, within_s=within_s) and not self._store.unsaved
-
-    def _put(self, work: Work, key: Key, within_s: float) -> Future[None]:
-        return self._store.submit(work, key=("history", *key), within_s=within_s)
 
     def _note_stored(self, row: HistoryRow, future: Future[None]) -> None:
         if isinstance(future.exception(), UnstorableError | None):

@@ -11,9 +11,9 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
+from gateway.contract import EventCode, PublishEvent, Severity
 from gateway.store.audit import Audit
-from gateway.store.commands import CommandTable, Remembered
+from gateway.store.commands import Journal, Remembered
 from gateway.store.documents import Documents
 from gateway.store.import_0_2 import import_late
 from gateway.store.schema import STATE
@@ -32,8 +32,6 @@ class StateStore:
     Without operators it is no error, only a warning, when nothing can be stored.
     """
 
-    takes = (AuditRecord,)
-
     def __init__(
         self,
         path: Path | None,
@@ -48,8 +46,8 @@ class StateStore:
         prepare = partial(import_late, None if path is None else path.parent)
         self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
         self.documents = Documents(self.store, path, publish_event=publish_event)
-        self.commands = CommandTable(self.store, on_slow=self._note_slow)
-        self._audit = Audit(self.store, boot=boot)
+        self.commands = Journal(self.store, on_slow=self._note_slow)
+        self.audit = Audit(self.store, boot=boot)
         self.on_news: OnNews = lambda *_: None  # gets the store's news after the parts of this
         self._is_away = False
 
@@ -57,17 +55,12 @@ class StateStore:
         """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
         self.commands.recall(on_recalled)
         self.store.start(on_this_loop(self._on_news))
-        self._audit.note("gateway_started", f"version {version}")
-
-    def put(self, record: Record) -> None:
-        """Store what belongs into the audit."""
-        if isinstance(record, AuditRecord):
-            self._audit.put(record)
+        self.audit.note("gateway_started", f"version {version}")
 
     def apply(self, *, has_operators: bool) -> None:
         """Apply another configuration, and record in the audit from when."""
         self._has_operators = has_operators
-        self._audit.note("gateway_reloaded", "by another configuration from now on")
+        self.audit.note("gateway_reloaded", "by another configuration from now on")
 
     async def settle(self) -> None:
         """Write the last results and documents, if the disk works, so that they can be published."""
@@ -75,7 +68,7 @@ class StateStore:
 
     async def close(self, reason: str) -> None:
         """Write what waits, as far as the disk lets us."""
-        self._audit.note("gateway_ended", reason)
+        self.audit.note("gateway_ended", reason)
         is_done = await asyncio.to_thread(self.store.close, within_s=CLOSE_WITHIN_S)
         if not is_done or self.store.unsaved:
             log.error("the last %d commands, documents and audit entries are not stored", self.store.unsaved)
@@ -95,7 +88,7 @@ class StateStore:
                 self._is_away = True
             case News.LOST:
                 self._publish_event(EventCode.STORE_LOST, severity=self._severity(), trouble=text)
-                self._audit.note("chain_begun_anew", text)
+                self.audit.note("chain_begun_anew", text)
                 self.documents.save_all()
         self.on_news(news, text)
 

@@ -1,10 +1,10 @@
 """The thread that writes a database: intents and finals first, everything else in batches.
 
 1. The caller never waits for the disk. A piece's future completes when its transaction is on the disk.
-2. Urgent pieces are done first, and take some with a key along. All others follow in batches; a batch ends
+2. Urgent pieces are done first, and take some that are kept along. All others follow in batches; a batch ends
    after 500 pieces, after 50 ms, or when an urgent one comes.
-3. A piece with a key waits until it is done: a failure of the disk does not end it, and newer work of its key
-   gets its place and its future. The others fail when the disk does.
+3. A piece with a key is kept until it is done: a failure of the disk does not end it, and newer work of its
+   key gets its place and its future. Others fail when the disk does, unless their caller has them kept.
 4. A bad file never stops the gateway: it is tried again, a damaged one is set aside. On a full disk only what
    deletes is done, by means of a reserve.
 
@@ -34,13 +34,13 @@ from gateway.system.supervised import is_set_within, on_this_loop
 
 log = logging.getLogger(__name__)
 
-Key = tuple[str, ...]  # the table, and what names the row
+Key = tuple[str, ...]  # names what the work is about
 T = TypeVar("T")
 
 MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
-MOST_WAITING = 10_000  # pieces that are not urgent
+MOST_KEPT = 10_000  # pieces that are not urgent
 MOST_AT_ONCE = 500  # pieces in one transaction
-MOST_ALONG = 100  # pieces with a key that urgent ones take along: a transaction of their own costs 8 KiB
+MOST_ALONG = 100  # kept pieces that urgent ones take along: a transaction of their own costs 8 KiB
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 BEHIND_S = 0.5  # how long what is written behind waits for another transaction
@@ -62,7 +62,7 @@ class Piece(NamedTuple):
     """Some work that waits, and its answer."""
 
     place: object  # its key; without one, an object of its own
-    is_kept: bool  # it has a key
+    is_kept: bool
     work: Work
     is_flushed: bool
     is_freeing: bool
@@ -76,8 +76,7 @@ class Piece(NamedTuple):
 class Store:
     """The file and its thread; `path` None: the same in memory.
 
-    `prepare` is called in the thread until the file was open once; a StoreError of it says that
-    the file is away.
+    `prepare` is called in the thread before the file is opened; a StoreError of it says that that is away.
     """
 
     def __init__(
@@ -87,14 +86,14 @@ class Store:
         *,
         max_bytes: int = MAX_BYTES,
         retry_s: float = RETRY_S,
-        most_waiting: int = MOST_WAITING,
+        most_kept: int = MOST_KEPT,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        self._prepare: Callable[[], object] | None = prepare
+        self._prepare = prepare
         self._file = Database(path, schema, max_bytes=max_bytes)
         self._on_news: OnNews = lambda *_: None
         self._urgent, self._others = dict[object, Piece](), dict[object, Piece]()  # until they are done
-        self._most_waiting = most_waiting
+        self._most_kept = most_kept
         self._lock = threading.Lock()  # of what waits
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
@@ -124,7 +123,7 @@ class Store:
 
     @property
     def unsaved(self) -> int:
-        """Return how many pieces with a key wait for the disk."""
+        """Return how many pieces are kept for the disk."""
         return sum(piece.is_kept for piece in chain(self._urgent.values(), self._others.values()))
 
     def start(self, on_news: OnNews) -> None:
@@ -138,6 +137,7 @@ class Store:
         work: Callable[[Connection], T],
         *,
         key: Key | None = None,
+        is_kept: bool = False,
         is_urgent: bool = False,
         is_flushed: bool = True,
         is_freeing: bool = False,
@@ -145,8 +145,8 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        Urgent work is done first; of the rest, only so much waits, the newest. It may wait (`within_s`) for a
-        transaction that something else begins. Work that need not be flushed at once outlives the process,
+        Urgent work is done first; of the rest, only so much is kept, the newest. It may wait (`within_s`) for
+        a transaction that something else begins. Work that need not be flushed at once outlives the process,
         but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it should
         touch less than a quarter of the reserve.
         """
@@ -156,14 +156,16 @@ class Store:
         with self._lock:
             older = self._urgent.get(place) or self._others.get(place)
             future: Future[T] = Future() if older is None else older.future
-            piece = Piece(place, key is not None, work, is_flushed, is_freeing, future)
+            piece = Piece(place, is_kept or key is not None, work, is_flushed, is_freeing, future)
             if is_urgent or place in self._urgent:
                 self._others.pop(place, None)
                 self._urgent[place] = piece
             else:
                 self._others[place] = piece
-                if len(self._others) > self._most_waiting:
-                    oldest = self._others.pop(next(iter(self._others)))
+                if piece.is_kept and len(self._others) > self._most_kept:
+                    idle = (other for other in self._others.values() if not other.future.running())
+                    if (oldest := next(idle, None)) is not None:
+                        del self._others[oldest.place]
         self._wake.put(time.monotonic() + within_s)
         if oldest is not None and oldest.begin():
             _ended(oldest.future, "too much is waiting for the disk")
@@ -217,7 +219,7 @@ class Store:
         return False
 
     def _take(self) -> list[Piece] | None:
-        """Return the next pieces, None when there are none; while the file is away only those without a key.
+        """Return the next pieces, None when there are none; while the file is away none that is kept.
 
         They wait until they are done, or have failed.
         """
@@ -279,10 +281,8 @@ class Store:
         if time.monotonic() < self._retry_s:
             raise self._error.with_traceback(None)
         if not self._file.is_open:
-            if self._prepare is not None:
-                self._prepare()
+            self._prepare()
             self._file.open()
-            self._prepare = None
         self._file.take_reserve()
         self._error = None
         self._on_news(News.OPEN, f"{self._file.path} is open")
@@ -316,7 +316,7 @@ class Store:
         return False
 
     def _fail(self, pieces: Iterable[Piece], error: StoreError) -> None:
-        """Note that nothing can be stored now: those without a key have failed."""
+        """Note that nothing can be stored now: those that are not kept have failed."""
         self._pause(error)
         for piece in pieces:
             if not piece.is_kept:

@@ -23,7 +23,6 @@ from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters import Policy, StarterServices
-from gateway.store import StateStore
 
 
 class Subscriber:
@@ -58,7 +57,7 @@ def test_a_subscriber_gets_only_the_kinds_that_it_names() -> None:
     assert seen == [("all", "early"), ("all", "late")]
 
 
-@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices, StateStore])
+@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StarterServices])
 def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
     assert handled_in(subscriber.put) == set(subscriber.takes)
 

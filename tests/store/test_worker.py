@@ -99,7 +99,7 @@ def test_work_that_comes_while_that_of_its_key_is_being_done_is_done_after_it(ke
 
 
 def test_the_oldest_of_what_is_not_urgent_goes_when_too_much_waits(keeping: Make) -> None:
-    one = keeping(most_waiting=3)
+    one = keeping(most_kept=4)
     gate = held_up(one)
     one.store.submit(insert("urgent"), key=("thing", "urgent"), is_urgent=True)
     pieces = [one.store.submit(insert(f"{n}"), key=("thing", f"{n}")) for n in range(5)]
