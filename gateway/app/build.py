@@ -36,7 +36,7 @@ from gateway.starters import (
     StarterServices,
     Tokens,
 )
-from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore, import_late
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch
 from gateway.system.systemd import Notifier
@@ -81,7 +81,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         published_faults=PublishedFaults(state.documents),
     )
     history = History(
-        HistoryStore(site.state_dir / HISTORY_FILE, prepare=partial(import_late, site.state_dir)),
+        HistoryStore(site.state_dir / HISTORY_FILE),
         starters_in,
         outbox=StoredRecords(
             keep=uplink.keep, payloads=uplink.disk_sync.payloads, let_go=uplink.disk_sync.let_go

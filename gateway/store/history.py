@@ -19,10 +19,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.errors import UnstorableError
 from gateway.store.database import Connection, read_file
+from gateway.store.import_0_2 import import_late
 from gateway.store.schema import HISTORY, HISTORY_FILE
-from gateway.store.worker import BEHIND_S, RETRY_S, OnNews, Store
+from gateway.store.worker import BEHIND_S, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
@@ -58,21 +58,14 @@ class HistoryRow(NamedTuple):
 
 
 class HistoryStore:
-    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk.
-
-    `prepare` is the store's.
-    """
+    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk."""
 
     def __init__(
         self,
-        path: Path | None,
-        *,
-        retry_s: float = RETRY_S,
-        collect_s: float = COLLECT_S,
-        prepare: Callable[[], object] = lambda: None,
+        path: Path,
     ) -> None:
-        self._store = Store(path, HISTORY, retry_s=retry_s, most_kept=MOST_UNSAVED, prepare=prepare)
-        self._collect_s = collect_s
+        prepare = partial(import_late, path.parent)
+        self._store = Store(path, HISTORY, most_kept=MOST_UNSAVED, prepare=prepare)
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None
 
     def start(self, on_news: OnNews, on_stored: Callable[[HistoryRow], None]) -> None:
@@ -82,7 +75,7 @@ class HistoryStore:
 
     def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
         """Store a row; an urgent one soon, with all that was put before, others within seconds."""
-        within_s = BEHIND_S if is_urgent else self._collect_s
+        within_s = BEHIND_S if is_urgent else COLLECT_S
         done = self._store.submit(partial(_write, row=row), key=row[:3], within_s=within_s)
         done.add_done_callback(on_this_loop(partial(self._note_stored, row)))
 
@@ -109,7 +102,7 @@ class HistoryStore:
         return await asyncio.to_thread(self._store.close, within_s=within_s) and not self._store.unsaved
 
     def _note_stored(self, row: HistoryRow, future: Future[None]) -> None:
-        if isinstance(future.exception(), UnstorableError | None):
+        if future.exception() is None:
             self._on_stored(row)
 
 

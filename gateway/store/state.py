@@ -17,7 +17,7 @@ from gateway.store.commands import Journal, Remembered
 from gateway.store.documents import Documents
 from gateway.store.import_0_2 import import_late
 from gateway.store.schema import STATE
-from gateway.store.worker import RETRY_S, News, OnNews, Store
+from gateway.store.worker import News, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
@@ -39,12 +39,11 @@ class StateStore:
         boot: str,
         has_operators: bool,
         publish_event: PublishEvent,
-        retry_s: float = RETRY_S,
     ) -> None:
         self._publish_event = publish_event
         self._has_operators = has_operators
         prepare = partial(import_late, None if path is None else path.parent)
-        self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
+        self.store = Store(path, STATE, prepare=prepare)
         self.documents = Documents(self.store, path, publish_event=publish_event)
         self.commands = Journal(self.store, on_slow=self._note_slow)
         self.audit = Audit(self.store, boot=boot)

@@ -28,7 +28,7 @@ from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
-from gateway.errors import StoreError, UnstorableError
+from gateway.errors import StoreError
 from gateway.store.database import Connection, Database, FullError, Schema, Work
 from gateway.system.supervised import is_set_within, on_this_loop
 
@@ -84,13 +84,11 @@ class Store:
         path: Path | None,
         schema: Schema,
         *,
-        max_bytes: int = MAX_BYTES,
-        retry_s: float = RETRY_S,
         most_kept: int = MOST_KEPT,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
         self._prepare = prepare
-        self._file = Database(path, schema, max_bytes=max_bytes)
+        self._file = Database(path, schema, max_bytes=MAX_BYTES)
         self._on_news: OnNews = lambda *_: None
         self._urgent, self._others = dict[object, Piece](), dict[object, Piece]()  # until they are done
         self._most_kept = most_kept
@@ -98,7 +96,6 @@ class Store:
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
         self._error: StoreError | None = StoreError("it is not open yet")  # why nothing can be stored
-        self._pause_s = retry_s
         self._retry_s = 0.0  # when what failed is tried again; 0: nothing has been tried yet
         self._busy_since_s: float | None = None
         self._is_closed = False
@@ -254,7 +251,7 @@ class Store:
             self._fail(batch, error)
         except Exception as error:  # the guard at the thread's top
             log.exception("store=%s a piece of work failed", self._file.path)
-            failure = UnstorableError(f"an error inside the gateway: {error!r}")
+            failure = StoreError(f"an error inside the gateway: {error!r}")
             if begun:
                 self._end(begun[-1], error=failure)
             else:  # it is not a piece's, and comes again
@@ -327,7 +324,7 @@ class Store:
         if time.monotonic() < self._retry_s:
             return
         is_news = not self.is_away
-        self._retry_s = time.monotonic() + self._pause_s
+        self._retry_s = time.monotonic() + RETRY_S
         self._error = error
         if is_news:
             self._on_news(News.AWAY, str(error))

@@ -36,10 +36,10 @@ def texts(connection: Connection) -> list[str]:
 class Keeping:
     """A store with its news, until `close`."""
 
-    def __init__(self, path: Path | None, *, max_bytes: int = 2**20, **options: Any) -> None:
+    def __init__(self, path: Path | None, **options: Any) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02, **options)
+        self.store = Store(path, THINGS, **options)
         self.store.start(self._on_news)
 
     def do(self, work: Callable[[Connection], T]) -> T:

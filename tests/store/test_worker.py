@@ -227,7 +227,7 @@ def test_what_did_not_fit_on_the_disk_gives_its_room_back(
         full(connection)
 
     monkeypatch.setattr(os, "statvfs", room)
-    one = keeping(max_bytes=2**23)
+    one = keeping()
     with pytest.raises(StoreError, match="full"):
         one.do(too_much)
     one.until(News.OPEN, times=2)

@@ -7,7 +7,6 @@ import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -382,7 +381,7 @@ def test_over_outages_and_kills_everything_comes_once_and_in_order(seed: int) ->
 def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=60 * 4096))
+    monkeypatch.setattr("gateway.store.worker.MAX_BYTES", 60 * 4096)
     with RigPlant(SSW07, seed=1) as plant:
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(1))
