@@ -60,7 +60,7 @@ class Audit:
         self._take(note_of(code, text, self._boot))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        done = self._store.submit(partial(append, entry=entry), is_kept=True, within_s=BEHIND_S)
+        done = self._store.submit(partial(append, entry=entry), is_lasting=True, within_s=BEHIND_S)
         done.add_done_callback(on_this_loop(self._note_end))
 
     def _note_end(self, future: Future[None]) -> None:

@@ -123,7 +123,7 @@ class Database:
         self._shrink()
         if self._reserve is not None:
             with translated(self.path), open(self._reserve, "ab", opener=private) as file:
-                disk, held = os.statvfs(self._reserve), file.tell()
+                disk, held = os.statvfs(self._reserve), os.fstat(file.fileno()).st_size
                 if disk.f_bavail * disk.f_frsize < 2 * RESERVE_BYTES - held:
                     raise FullError(f"{self.path}: the disk is full")
                 os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)

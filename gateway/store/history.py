@@ -65,7 +65,7 @@ class HistoryStore:
         path: Path,
     ) -> None:
         prepare = partial(import_late, path.parent)
-        self._store = Store(path, HISTORY, most_kept=MOST_UNSAVED, prepare=prepare)
+        self._store = Store(path, HISTORY, most_lasting=MOST_UNSAVED, prepare=prepare)
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None
 
     def start(self, on_news: OnNews, on_stored: Callable[[HistoryRow], None]) -> None:
@@ -82,7 +82,7 @@ class HistoryStore:
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
         work = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
-        self._store.submit(work, is_kept=True, within_s=BEHIND_S)
+        self._store.submit(work, is_lasting=True, within_s=BEHIND_S)
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what is stored of a starter, with what was put before this; the oldest first; StoreError."""

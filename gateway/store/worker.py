@@ -1,10 +1,10 @@
 """The thread that writes a database: intents and finals first, everything else in batches.
 
 1. The caller never waits for the disk. A piece's future completes when its transaction is on the disk.
-2. Urgent pieces are done first, and take some that are kept along. All others follow in batches; a batch ends
+2. Urgent pieces are done first, and take some lasting ones along. All others follow in batches; a batch ends
    after 500 pieces, after 50 ms, or when an urgent one comes.
-3. A piece with a key is kept until it is done: a failure of the disk does not end it, and newer work of its
-   key gets its place and its future. Others fail when the disk does, unless their caller has them kept.
+3. A lasting piece waits until it is done: a failure of the disk does not end it. Such is one with a key, and
+   newer work of its key gets its place and its future. All others fail when the disk does.
 4. A bad file never stops the gateway: it is tried again, a damaged one is set aside. On a full disk only what
    deletes is done, by means of a reserve.
 
@@ -38,9 +38,9 @@ Key = tuple[str, ...]  # names what the work is about
 T = TypeVar("T")
 
 MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
-MOST_KEPT = 10_000  # pieces that are not urgent
+MOST_LASTING = 10_000  # pieces, besides the urgent ones
 MOST_AT_ONCE = 500  # pieces in one transaction
-MOST_ALONG = 100  # kept pieces that urgent ones take along: a transaction of their own costs 8 KiB
+MOST_ALONG = 100  # lasting pieces that urgent ones take along: a transaction of their own costs 8 KiB
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 BEHIND_S = 0.5  # how long what is written behind waits for another transaction
@@ -62,7 +62,7 @@ class Piece(NamedTuple):
     """Some work that waits, and its answer."""
 
     place: object  # its key; without one, an object of its own
-    is_kept: bool
+    is_lasting: bool
     work: Work
     is_flushed: bool
     is_freeing: bool
@@ -84,14 +84,14 @@ class Store:
         path: Path | None,
         schema: Schema,
         *,
-        most_kept: int = MOST_KEPT,
+        most_lasting: int = MOST_LASTING,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
         self._prepare = prepare
         self._file = Database(path, schema, max_bytes=MAX_BYTES)
         self._on_news: OnNews = lambda *_: None
         self._urgent, self._others = dict[object, Piece](), dict[object, Piece]()  # until they are done
-        self._most_kept = most_kept
+        self._most_lasting = most_lasting
         self._lock = threading.Lock()  # of what waits
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
@@ -120,8 +120,8 @@ class Store:
 
     @property
     def unsaved(self) -> int:
-        """Return how many pieces are kept for the disk."""
-        return sum(piece.is_kept for piece in chain(self._urgent.values(), self._others.values()))
+        """Return how many lasting pieces wait for the disk."""
+        return sum(piece.is_lasting for piece in chain(self._urgent.values(), self._others.values()))
 
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""
@@ -134,7 +134,7 @@ class Store:
         work: Callable[[Connection], T],
         *,
         key: Key | None = None,
-        is_kept: bool = False,
+        is_lasting: bool = False,
         is_urgent: bool = False,
         is_flushed: bool = True,
         is_freeing: bool = False,
@@ -142,7 +142,7 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        Urgent work is done first; of the rest, only so much is kept, the newest. It may wait (`within_s`) for
+        Urgent work is done first; of the rest, only so much waits, the newest. It may wait (`within_s`) for
         a transaction that something else begins. Work that need not be flushed at once outlives the process,
         but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it should
         touch less than a quarter of the reserve.
@@ -153,13 +153,13 @@ class Store:
         with self._lock:
             older = self._urgent.get(place) or self._others.get(place)
             future: Future[T] = Future() if older is None else older.future
-            piece = Piece(place, is_kept or key is not None, work, is_flushed, is_freeing, future)
+            piece = Piece(place, is_lasting or key is not None, work, is_flushed, is_freeing, future)
             if is_urgent or place in self._urgent:
                 self._others.pop(place, None)
                 self._urgent[place] = piece
             else:
                 self._others[place] = piece
-                if piece.is_kept and len(self._others) > self._most_kept:
+                if piece.is_lasting and len(self._others) > self._most_lasting:
                     idle = (other for other in self._others.values() if not other.future.running())
                     if (oldest := next(idle, None)) is not None:
                         del self._others[oldest.place]
@@ -216,13 +216,13 @@ class Store:
         return False
 
     def _take(self) -> list[Piece] | None:
-        """Return the next pieces, None when there are none; while the file is away none that is kept.
+        """Return the next pieces, None when there are none; while the file is away no lasting ones.
 
         They wait until they are done, or have failed.
         """
         with self._lock:
             urgent = self._ready(self._urgent, MOST_AT_ONCE)
-            rest = self._ready(self._others, MOST_ALONG if urgent else MOST_AT_ONCE, are_kept=bool(urgent))
+            rest = self._ready(self._others, MOST_ALONG if urgent else MOST_AT_ONCE, are_lasting=bool(urgent))
             found = urgent + rest
             batch = [piece for piece in found if piece.begin()]
             for piece in found:
@@ -230,11 +230,11 @@ class Store:
                     self._remove(piece)
         return batch if found else None
 
-    def _ready(self, pieces: dict[object, Piece], most: int, *, are_kept: bool = False) -> list[Piece]:
+    def _ready(self, pieces: dict[object, Piece], most: int, *, are_lasting: bool = False) -> list[Piece]:
         if self._error is not None:
-            ready = (piece for piece in pieces.values() if not piece.is_kept)
+            ready = (piece for piece in pieces.values() if not piece.is_lasting)
         else:
-            ready = (piece for piece in pieces.values() if piece.is_kept or not are_kept)
+            ready = (piece for piece in pieces.values() if piece.is_lasting or not are_lasting)
         return list(islice(ready, most))
 
     def _do(self, batch: Sequence[Piece]) -> None:
@@ -313,10 +313,10 @@ class Store:
         return False
 
     def _fail(self, pieces: Iterable[Piece], error: StoreError) -> None:
-        """Note that nothing can be stored now: those that are not kept have failed."""
+        """Note that nothing can be stored now: those that are not lasting have failed."""
         self._pause(error)
         for piece in pieces:
-            if not piece.is_kept:
+            if not piece.is_lasting:
                 self._end(piece, error=error)
 
     def _pause(self, error: StoreError) -> None:

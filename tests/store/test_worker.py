@@ -99,7 +99,7 @@ def test_work_that_comes_while_that_of_its_key_is_being_done_is_done_after_it(ke
 
 
 def test_the_oldest_of_what_is_not_urgent_goes_when_too_much_waits(keeping: Make) -> None:
-    one = keeping(most_kept=4)
+    one = keeping(most_lasting=4)
     gate = held_up(one)
     one.store.submit(insert("urgent"), key=("thing", "urgent"), is_urgent=True)
     pieces = [one.store.submit(insert(f"{n}"), key=("thing", f"{n}")) for n in range(5)]
@@ -301,7 +301,7 @@ def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, pat
 
 def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: Path) -> None:
     one = keeping(path)
-    kept = one.store.submit(insert("kept"), key=("thing", "1"), within_s=3600.0)
+    lasting = one.store.submit(insert("a"), key=("thing", "1"), within_s=3600.0)
     one.do(lambda connection: connection.execute("PRAGMA shrink_memory").fetchall())
     with path.open("r+b") as file:
         file.seek(4096)
@@ -310,7 +310,7 @@ def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: P
     with suppress(StoreError):
         one.do(texts)
     one.until(News.LOST)
-    kept.result(PATIENCE_S)
+    lasting.result(PATIENCE_S)
 
     one.do(insert("c"))
     assert one.do(texts)[-1] == "c"
