@@ -225,12 +225,7 @@ def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
     with _reader(path) as connection:
         _known_version(connection, path, schema)
         connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
-        try:
-            return work(connection)
-        except sqlite3.OperationalError as error:
-            if _code(error) != sqlite3.SQLITE_ERROR:
-                raise
-            raise DamagedError(f"{path} is of an earlier version, or damaged: {error}") from error
+        return work(connection)
 
 
 def write_file(path: Path, schema: Schema, work: Work) -> None:
@@ -249,7 +244,7 @@ def _reader(path: Path) -> Iterator[Connection]:
 
     So nothing changes meanwhile (sqlite.org/wal.html 5), unless a gateway starts, which fails the reading.
     """
-    with translated(path):
+    with translated(path, are_bugs=False):
         if not os.access(path, os.R_OK):
             raise StoreError(f"{path} is not there, or not for this user (has a gateway run here?)")
         is_idle = not os.path.lexists(f"{path}-wal")
@@ -284,8 +279,11 @@ def refuse_later(version: int, path: Path, schema: Schema) -> None:
 
 
 @contextmanager
-def translated(path: Path) -> Iterator[None]:
-    """Raise StoreError for an error of SQLite or the file system; an error in our SQL is raised as it is."""
+def translated(path: Path, *, are_bugs: bool = True) -> Iterator[None]:
+    """Raise StoreError for an error of SQLite or the file system.
+
+    An error in our SQL is a bug, and raised as it is, unless the file may be of another version.
+    """
     try:
         yield
     except OSError as error:
@@ -295,7 +293,7 @@ def translated(path: Path) -> Iterator[None]:
         raise DamagedError(f"{path}: a text in it is no UTF-8") from error
     except sqlite3.Error as error:
         code = _code(error)
-        if code in _OWN_SQL:
+        if are_bugs and code in _OWN_SQL:
             raise
         kind = DamagedError if code in _DAMAGE else FullError if _is_full(error) else StoreError
         raise kind(f"{path}: {error}") from error
@@ -309,7 +307,7 @@ def _code(error: BaseException) -> int | None:
 
 def _is_full(error: sqlite3.Error) -> bool:
     """Return whether the file or the log's index, which has an error of its own, could not grow."""
-    return error.sqlite_errorcode in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)
+    return getattr(error, "sqlite_errorcode", None) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)
 
 
 def _ask(connection: Connection, sql: str) -> Any:
