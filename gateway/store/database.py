@@ -245,8 +245,9 @@ def _reader(path: Path) -> Iterator[Connection]:
     So nothing changes meanwhile (sqlite.org/wal.html 5), unless a gateway starts, which fails the reading.
     """
     with translated(path, are_bugs=False):
-        if not os.access(path, os.R_OK):
-            raise StoreError(f"{path} is not there, or not for this user (has a gateway run here?)")
+        if not path.exists():
+            why = "No such file or directory (has a gateway run with this state_dir?)"
+            raise StoreError(f"{path}: {why}")
         is_idle = not os.path.lexists(f"{path}-wal")
         uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_idle else ''}"
         connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
