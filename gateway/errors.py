@@ -14,8 +14,7 @@ GatewayError
 ├── CommandError         a command that cannot be carried out as asked, with a code: in gateway/contract
 ├── StoreError           nothing can be stored on the disk (now): report, continue without, retry
 │   ├── DamagedError     the file is not what was written: set it aside, begin with a new one
-│   ├── NewerError       a later version has written the file: leave it as it is, exit 78
-│   └── UnstorableError  a piece of work failed by a bug: it would fail again, so do not repeat it
+│   └── NewerError       a later version has written the file: leave it as it is, exit 78
 ├── BrokerError          the broker refuses or is away: report, wait, retry
 ├── CaptureError         a running gateway's lines cannot be recorded: exit 1
 └── NoResultError        a command was sent and its end is unknown: look at the starter
@@ -113,10 +112,6 @@ class DamagedError(StoreError):
 
 class NewerError(StoreError):
     """A file has the format of a later version of this program; one line for each such file."""
-
-
-class UnstorableError(StoreError):
-    """A piece of work for the store failed by an error inside the gateway, not of the disk."""
 
 
 class BrokerError(GatewayError):

@@ -35,7 +35,7 @@ from gateway.starters import (
     Tokens,
     serve,
 )
-from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore, import_late
+from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, StateStore
 from gateway.system.clock import ClockWatch, SystemClock
 from gateway.system.stalls import SuspendWatch
 from gateway.system.systemd import Notifier
@@ -66,7 +66,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
     )
     uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=bus, publish_event=publish_event)
-    state.follow(uplink.disk_sync.note_news)
+    state.on_news = uplink.disk_sync.note_news
     state.commands.row_of = uplink.stage
     policy = Policy(
         policy_of(config),
@@ -78,7 +78,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         published_faults=PublishedFaults(state.documents),
     )
     history = History(
-        HistoryStore(site.state_dir / HISTORY_FILE, prepare=partial(import_late, site.state_dir)),
+        HistoryStore(site.state_dir / HISTORY_FILE),
         starters_in,
         outbox=StoredRecords(
             keep=uplink.keep, payloads=uplink.disk_sync.payloads, let_go=uplink.disk_sync.let_go
@@ -170,7 +170,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     plugins += [PluginRunner(name, site, gateway) for name in NAMES]
 
     bus.connect(
-        state,  # the audit has a decision before any client can read of it
+        state.audit,  # it has a decision before any client can read of it
         policy,  # states: starts and standstills
         RecordLog(clock),
         history,  # makes starts and trips of readings and records

@@ -40,12 +40,12 @@ def run(args: argparse.Namespace) -> int:
     if args.action == "verify":
         return read_audit(path, partial(_verify, path, args.contains))
 
-    def show(_: Head | None, lines: Iterator[tuple[str, str]]) -> int:
+    def show(_: Head, lines: Iterator[tuple[str, str]]) -> int:
         for _place, line in lines:
             print(line if args.json else _readable(line))
         return 0
 
-    return read_audit(path, show, last=args.last)
+    return read_audit(path, show, last=args.last or -1)
 
 
 def _file(path: Path) -> Path:
@@ -60,9 +60,9 @@ def _file(path: Path) -> Path:
     )
 
 
-def _verify(path: Path, wanted: str | None, anchor: Head | None, lines: Iterator[tuple[str, str]]) -> int:
+def _verify(path: Path, wanted: str | None, anchor: Head, lines: Iterator[tuple[str, str]]) -> int:
     """Print what is wrong with the chain behind the anchor, and return 0, or 1 where something is."""
-    is_found = wanted is None or (anchor is not None and wanted == anchor.hash)
+    is_found = wanted in (None, anchor.hash)
 
     def passing() -> Iterator[tuple[str, str]]:
         nonlocal is_found
@@ -71,19 +71,15 @@ def _verify(path: Path, wanted: str | None, anchor: Head | None, lines: Iterator
             yield place, line
 
     verdict = verify(passing(), after=anchor)
-    problems = list(verdict.problems)
-    if anchor is None:
-        problems.append("the place of the chain before its first line cannot be read")
-    for problem in problems:
+    for problem in verdict.problems:
         print(problem)
-    since = f"line {anchor.number + 1}" if anchor else "?"
-    described = "broken" if problems else "whole"
-    print(f"{path}: {verdict.count} entries from {since} on, chain {described}")
+    described = "broken" if verdict.problems else "whole"
+    print(f"{path}: {verdict.count} entries from line {anchor.number + 1} on, chain {described}")
     if verdict.head.hash != FIRST_HASH:
         print(f"newest: line {verdict.head.number}, hash {verdict.head.hash}")
     if not is_found:
         print(f"no line has the hash {wanted}: newer lines were cut off, or it was noted elsewhere")
-    return 1 if problems or not is_found else 0
+    return 1 if verdict.problems or not is_found else 0
 
 
 def entry_in(line: str) -> dict[str, Any]:

@@ -40,7 +40,7 @@ def run(args: argparse.Namespace) -> int:
     log_to_stderr(is_verbose=args.verbose)
     with instance_lock(site.state_dir):
         backup.refuse_newer(site.state_dir)
-        backup.keep_private(site.state_dir)
+        os.umask(0o077)  # whatever is made from now on is for the gateway's own user
         asyncio.run(serve_site(path, site))
     return 0
 

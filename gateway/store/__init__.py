@@ -11,7 +11,7 @@ from gateway.store.commands import INTEND_WITHIN_S, Journal, Remembered
 from gateway.store.database import Connection, Work
 from gateway.store.documents import Document, Documents, read_document, write_document
 from gateway.store.history import CURVES, HistoryRow, HistoryStore, read_history, with_curves
-from gateway.store.import_0_2 import import_late, is_import_due
+from gateway.store.import_0_2 import is_import_due
 from gateway.store.outbox import (
     Loss,
     OutboxPage,

@@ -1,21 +1,21 @@
 """The audit: a table of lines in a hash chain, of which the oldest go when it takes too much room.
 
-The chain goes on where the table's last line stands, whatever happened to the file. Where it stood before the
-first line is known from the anchor, row 0, which is the last line that was given up; so it shows when others
-were removed. A row says how long all lines up to it are together: to add one touches this table alone.
+The chain goes on behind the table's last line, whatever happened to the file. The place before the first line
+is known from the anchor, row 0, which is the last line that was given up; so it shows when others were
+removed. A row says how long all lines up to it are together: to add one touches this table alone.
 Entries wait in memory, a bounded number of them, until they are written, which they do not hurry.
 """
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gateway.contract import AuditRecord, rfc3339
+from gateway.contract import AuditRecord, Record, rfc3339
 from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
@@ -28,27 +28,28 @@ MOST_BYTES = 48 * 2**20  # of all lines
 GIVEN_UP = 16  # of so many lines one goes when there is no room left
 
 _LAST = "SELECT line, upto FROM audit ORDER BY number DESC LIMIT 1"
+_ANCHOR = "SELECT line, upto FROM audit WHERE number = 0"
 _PUT = "INSERT INTO audit (line, upto) VALUES (?, ?)"
 _LINES = """
     SELECT number, line FROM
     (SELECT number, line FROM audit WHERE number > 0 ORDER BY number DESC LIMIT ?) ORDER BY number
 """
-_BEFORE = "SELECT upto - length(line) FROM audit WHERE number > 0 ORDER BY number LIMIT 1"
 _UPTO = "SELECT number FROM audit WHERE upto >= ? AND number > 0 ORDER BY number LIMIT 1"
 _GIVE_UP = "DELETE FROM audit WHERE number < ?"
 _BE_ANCHOR = "UPDATE audit SET number = 0 WHERE number = ?"
-_ANCHOR = "SELECT line FROM audit WHERE number = 0"
 
 
 class Audit:
     """Takes entries in order; returns at once. All calls on the app's loop."""
 
+    takes = (AuditRecord,)
+
     def __init__(self, store: Store, *, boot: str) -> None:
         self._store = store
         self._boot = boot
-        self._taken = self._lost = 0
+        self._lost = 0
 
-    def put(self, record: AuditRecord) -> None:
+    def put(self, record: Record) -> None:
         """Take a decision about a command."""
         said = record.fields()
         claims = {f"claimed_{claim}": said.pop(claim) for claim in ("operator", "reason")}
@@ -59,9 +60,8 @@ class Audit:
         self._take(note_of(code, text, self._boot))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        self._taken += 1
-        key, work = ("audit", str(self._taken)), partial(append, entries=[entry])
-        self._store.submit(work, key=key, within_s=BEHIND_S).add_done_callback(on_this_loop(self._note_end))
+        done = self._store.submit(partial(append, entry=entry), is_lasting=True, within_s=BEHIND_S)
+        done.add_done_callback(on_this_loop(self._note_end))
 
     def _note_end(self, future: Future[None]) -> None:
         if future.exception() is not None:
@@ -71,44 +71,34 @@ class Audit:
             self.note("entries_lost", f"{lost} entries could not be stored")
 
 
-def append(connection: Connection, *, entries: Iterable[Mapping[str, Any]]) -> None:
-    """Add entries to the chain; give up the oldest when it has become too long."""
-    head, upto = _end(connection)
-    for entry in entries:
-        line, head = link(head, entry)
-        upto += len(line)
-        connection.execute(_PUT, (line, upto))
-    (before,) = connection.execute(_BEFORE).fetchone() or (upto,)
-    if upto - before > MOST_BYTES:
-        _give_up(connection, upto - MOST_BYTES + MOST_BYTES // GIVEN_UP)
+def append(connection: Connection, *, entry: Mapping[str, Any]) -> None:
+    """Add an entry to the chain; give up the oldest when it has become too long."""
+    head, upto = _place(connection, _LAST)
+    line, _ = link(head, entry)
+    upto += len(line)
+    connection.execute(_PUT, (line, upto))
+    if upto - _place(connection, _ANCHOR)[1] > MOST_BYTES:
+        last = connection.execute(_UPTO, (upto - MOST_BYTES + MOST_BYTES // GIVEN_UP,)).fetchone()
+        connection.execute(_GIVE_UP, last)
+        connection.execute(_BE_ANCHOR, last)
 
 
-def _give_up(connection: Connection, upto: int) -> None:
-    """Delete the lines up to so many characters; the last of them is the anchor."""
-    last = connection.execute(_UPTO, (upto,)).fetchone()
-    connection.execute(_GIVE_UP, last)
-    connection.execute(_BE_ANCHOR, last)
+def read_audit(path: Path, work: Callable[[Head, Iterator[tuple[str, str]]], T], *, last: int = -1) -> T:
+    """Do some work with the lines, each with its name, of a gateway's audit, also of one that runs.
 
-
-def read_audit(
-    path: Path, work: Callable[[Head | None, Iterator[tuple[str, str]]], T], *, last: int | None = None
-) -> T:
-    """Do some work with the lines, each with its place, of a gateway's audit, also of one that runs.
-
-    It gets where the chain stood before them, None when that is not known. With `last` only so many, the
-    newest. StoreError.
+    It gets the place before them. With `last` only so many, the newest. StoreError.
     """
 
     def read(connection: Connection) -> T:
-        found = connection.execute(_LINES, (-1 if last is None else last,))
-        return work(_anchor(connection), ((f"line {number}", str(line)) for number, line in found))
+        lines = ((f"line {number}", str(line)) for number, line in connection.execute(_LINES, (last,)))
+        return work(_place(connection, _ANCHOR)[0], lines)
 
     return read_file(path, STATE, read)
 
 
 def append_note(path: Path, code: str, text: str) -> None:
     """Add a note to the audit of a gateway that does not run; StoreError."""
-    write_file(path, STATE, partial(append, entries=[note_of(code, text, "")]))
+    write_file(path, STATE, partial(append, entry=note_of(code, text, "")))
 
 
 def note_of(code: str, text: str, boot: str) -> dict[str, Any]:
@@ -116,23 +106,13 @@ def note_of(code: str, text: str, boot: str) -> dict[str, Any]:
     return {"kind": "note", "boot": boot, "time": rfc3339(time.time()), "code": code, "text": text}
 
 
-def _anchor(connection: Connection) -> Head | None:
-    """Return where the chain stood before the first line; None: that is damaged."""
-    row = connection.execute(_ANCHOR).fetchone()
-    return Head() if row is None else _head_of(row[0])
+def _place(connection: Connection, sql: str) -> tuple[Head, int]:
+    """Return the place behind a row, and how long all lines up to there are.
 
-
-def _end(connection: Connection) -> tuple[Head, int]:
-    """Return where the chain stands, and how long all lines up to there are.
-
-    The chain restarts where its last line is none, as verification shows.
+    Where there is no line, or a damaged one, the chain restarts, as verification shows.
     """
-    line, upto = connection.execute(_LAST).fetchone() or (None, 0)
-    return (line and _head_of(line)) or Head(), upto
-
-
-def _head_of(line: str) -> Head | None:
+    line, upto = connection.execute(sql).fetchone() or ("", 0)
     try:
-        return read_line(str(line))[1]
+        return read_line(line)[1], upto
     except ValueError:
-        return None
+        return Head(), upto

@@ -23,14 +23,13 @@ from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
-from gateway.errors import DamagedError, NewerError
-from gateway.store.database import refuse_later, snapshot, stored_version, translated, write_file
+from gateway.errors import DamagedError, NewerError, StoreError
+from gateway.store.database import copy_file, refuse_later, stored_version, translated, write_file
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
 LOCK_FILE = "gateway.lock"
-OTHERS = 0o077
 
 # Also SQLite's journals, the reserve, and new and damaged files.
 OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, LOCK_FILE)))})([.-].*)?")
@@ -99,13 +98,12 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
     """
     os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
     versions: dict[str, int] = {}
-    for name, schema in SCHEMAS.items():
-        if os.path.lexists(state_dir / name):
+    for name in SCHEMAS:
+        if (state_dir / name).exists():
             try:
-                versions[name] = snapshot(state_dir / name, to / name, schema)
+                versions[name] = copy_file(state_dir / name, to / name)
             except DamagedError as error:
-                hint = "start the gateway once, which sets it aside, or move it away"
-                raise DamagedError(f"{error} ({hint})") from error
+                raise DamagedError(f"{error} (start the gateway once, which sets it aside)") from error
     old = files_of_0_2(state_dir) if is_import_due(state_dir) else ()
     for name in old:  # as they are, with what may be damaged in them
         (to / name).parent.mkdir(exist_ok=True)
@@ -217,8 +215,11 @@ def own_files(state_dir: Path) -> Iterator[Path]:
 
 def found_versions(state_dir: Path) -> dict[str, int]:
     """Return the version of each file that is there and can be read, by name."""
-    versions = {name: stored_version(state_dir / name, schema) for name, schema in SCHEMAS.items()}
-    return {name: version for name, version in versions.items() if version is not None}
+    versions: dict[str, int] = {}
+    for name in SCHEMAS:
+        with suppress(StoreError):
+            versions[name] = stored_version(state_dir / name)
+    return versions
 
 
 def refuse_newer(state_dir: Path, versions: Mapping[str, int] | None = None) -> None:
@@ -235,17 +236,3 @@ def is_upgrade_due(state_dir: Path) -> bool:
     """Return whether a file is of an earlier version, or all are."""
     found = found_versions(state_dir).items()
     return is_import_due(state_dir) or any(version < len(SCHEMAS[name].steps) for name, version in found)
-
-
-def keep_private(folder: Path) -> None:
-    """Give the gateway's own files in a folder mode 0600, also those that this process makes from now on.
-
-    All others are left as they are: the folder may be one that other programs use too. So is what belongs to
-    another user; folders keep their modes.
-    """
-    os.umask(OTHERS)
-    with suppress(OSError):
-        for path in list(own_files(folder)):
-            with suppress(OSError):
-                if path.lstat().st_mode & OTHERS and path.is_file() and not path.is_symlink():
-                    path.chmod(0o600)

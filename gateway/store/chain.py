@@ -8,19 +8,17 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 FIRST_HASH = "0" * 64  # before the first line
-MOST_PROBLEMS = 20
 
 _NUMBER, _PREVIOUS, _HASH = "n", "prev", "hash"
 
 
-@dataclass(frozen=True, slots=True)
-class Head:
-    """Where a chain stands: the number and the hash of its last line."""
+class Head(NamedTuple):
+    """A place in a chain: the number and the hash of the line before it."""
 
     number: int = 0
     hash: str = FIRST_HASH
@@ -32,7 +30,7 @@ class Verification:
 
     count: int
     head: Head
-    problems: tuple[str, ...]
+    problems: Sequence[str]
 
 
 def canonical(value: Any) -> str:
@@ -42,14 +40,14 @@ def canonical(value: Any) -> str:
 
 
 def link(head: Head, body: Mapping[str, Any]) -> tuple[str, Head]:
-    """Return the next line of the chain, and where the chain stands then."""
+    """Return the next line of the chain, and the place behind it."""
     numbered = {**body, _NUMBER: head.number + 1}
     after = Head(head.number + 1, _hash(head.hash, numbered))
     return canonical({**numbered, _PREVIOUS: head.hash, _HASH: after.hash}), after
 
 
 def read_line(line: str) -> tuple[dict[str, Any], Head]:
-    """Return what a line says and where the chain stands after it; ValueError for another line."""
+    """Return what a line says and the place behind it; ValueError for another line."""
     entry = json.loads(line)
     if not isinstance(entry, dict) or canonical(entry) != line:
         raise ValueError("not a line as the gateway writes it")
@@ -59,30 +57,25 @@ def read_line(line: str) -> tuple[dict[str, Any], Head]:
     return entry, Head(number, hash_)
 
 
-def verify(lines: Iterable[tuple[str, str]], *, after: Head | None) -> Verification:
-    """Check lines, each with its place; `after` is the line before them, None when it is unknown."""
+def verify(lines: Iterable[tuple[str, str]], *, after: Head) -> Verification:
+    """Check lines, each with what it is called in a problem; `after` is the place before the first."""
     head, count, problems = after, 0, list[str]()
-    for place, line in lines:
+    for name, line in lines:
         count += 1
         try:
             entry, stated = read_line(line)
         except ValueError as error:
-            problems.append(f"{place}: {error}")
+            problems.append(f"{name}: {error}")
             continue
-        problems += (f"{place}: {problem}" for problem in _problems(entry, stated, head))
+        previous = entry.pop(_PREVIOUS, None)
+        del entry[_HASH]
+        if _hash(str(previous), entry) != stated.hash:
+            problems.append(f"{name}: was changed: its hash is another")
+        if (stated.number, previous) != (head.number + 1, head.hash):
+            gap = f"does not follow line {head.number}: something was removed, inserted or exchanged"
+            problems.append(f"{name}: {gap}")
         head = stated
-    if len(problems) > MOST_PROBLEMS:
-        problems[MOST_PROBLEMS:] = [f"and {len(problems) - MOST_PROBLEMS} more"]
-    return Verification(count, head or Head(), tuple(problems))
-
-
-def _problems(entry: dict[str, Any], stated: Head, before: Head | None) -> Iterator[str]:
-    previous = entry.get(_PREVIOUS)
-    body = {key: value for key, value in entry.items() if key not in (_PREVIOUS, _HASH)}
-    if _hash(str(previous), body) != stated.hash:
-        yield "was changed: its hash is another"
-    if before is not None and (stated.number, previous) != (before.number + 1, before.hash):
-        yield f"does not follow line {before.number}: something was removed, inserted or exchanged"
+    return Verification(count, head, problems)
 
 
 def _hash(previous: str, body: Mapping[str, Any]) -> str:

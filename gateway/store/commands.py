@@ -19,7 +19,7 @@ import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
 from functools import partial
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
 from gateway.errors import DamagedError, StoreError
@@ -55,28 +55,8 @@ class Remembered(NamedTuple):
     may_be_written: bool  # something may have reached the starter
 
 
-class Journal(Protocol):
-    """Where commands are stored. All calls on the app's loop."""
-
-    @property
-    def trouble(self) -> str:
-        """Why nothing can be stored now; empty when it can."""
-
-    def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once that is stored.
-
-        Of a final phase it is called as well when that fails, or takes too long.
-        """
-
-    async def intend(self, result: ResultRecord) -> None:
-        """Return when it is on the disk that the command is about to be written; CommandError if not."""
-
-    def forget(self, keys: Sequence[Key]) -> None:
-        """Delete these commands."""
-
-
-class CommandTable(Journal):
-    """Stores commands on the disk; only `intend` and `settle` wait for it."""
+class Journal:
+    """Stores commands; only `intend` and `settle` wait for the disk. All calls on the app's loop."""
 
     def __init__(self, store: Store, *, on_slow: Callable[[float], None]) -> None:
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
@@ -91,16 +71,18 @@ class CommandTable(Journal):
         return self._store.trouble or ("" if self._is_recalled else "it has not been read yet")
 
     def note(self, result: ResultRecord, *, then: Callable[[], None] | None = None) -> None:
-        """Store a command's latest phase; `then` is called once, when it is stored or that takes too long."""
-        key, is_final = self._key(result), result.phase.is_final
+        """Store a command's latest phase; `then` is called once that is stored.
+
+        Of a final phase it is called as well when that fails, or takes too long.
+        """
+        key = _key(result)
         if key is None or result.phase is Phase.WRITTEN:
             if then is not None:
                 then()
-        elif then is not None:
-            self._note_and_call(key, result, then)
+        elif then is None:
+            self._put(key, result, is_urgent=result.phase.is_final)
         else:
-            also = self.row_of(result) if is_final and result.id else None
-            self._put(key, _work(key, result, also=also), is_urgent=is_final)
+            self._note_and_call(key, result, then)
 
     def _note_and_call(self, key: Key, result: ResultRecord, then: Callable[[], None]) -> None:
         """Store a phase and call once; of a final one also when the disk is away or too slow."""
@@ -111,9 +93,7 @@ class CommandTable(Journal):
                 calls.pop()()
 
         def store(_: object = None) -> None:
-            # What was published without the disk has its row in the outbox by now.
-            also = self.row_of(result) if is_final and calls else None
-            done = self._put(key, _work(key, result, also=also), is_urgent=True)
+            done = self._put(key, result, is_urgent=True, is_published=not calls)
             if not is_final:
                 self._untold[key] = done
             done.add_done_callback(on_this_loop(end))
@@ -132,19 +112,28 @@ class CommandTable(Journal):
             within_s = 0.0 if self._store.is_away else PUBLISH_WITHIN_S
             asyncio.get_running_loop().call_later(within_s, call)
 
-    def _put(self, key: Key, work: Work, *, is_urgent: bool = False) -> Future[Any]:
-        return self._store.submit(
-            work, key=("commands", *key), is_urgent=is_urgent, within_s=0.0 if is_urgent else BEHIND_S
-        )
+    def _put(
+        self, key: Key, result: ResultRecord, *, is_urgent: bool, is_published: bool = False
+    ) -> Future[Any]:
+        """Store a phase; a final one with the outbox's row, which one that is published has already."""
+        if not result.phase.is_final:
+            work: Work = partial(_put, row=_row(key, result))
+        elif result.id:
+            also = None if is_published else self.row_of(result)
+            work = partial(_put, row=_row(key, result), also=also)
+        else:  # it cannot be repeated; a crash must not find it under way
+            work = partial(_forget, key=key)
+        within_s = 0.0 if is_urgent else BEHIND_S
+        return self._store.submit(work, key=("commands", *key), is_urgent=is_urgent, within_s=within_s)
 
     async def intend(self, result: ResultRecord) -> None:
         """Return when it is on the disk that the command is about to be written; CommandError if not."""
-        key = self._key(result)
+        key = _key(result)
         if key is None:
             return
         try:
             async with asyncio.timeout(INTEND_WITHIN_S):
-                work = partial(_put, row=_row(key, result, may_be_written=True))
+                work = partial(_put, row=_row(key, result, is_intent=True))
                 await asyncio.wrap_future(self._store.submit(work, is_urgent=True))
         except TimeoutError:
             slow = CommandError(ResultCode.NOT_STORED, "slow", within_s=INTEND_WITHIN_S)
@@ -156,7 +145,8 @@ class CommandTable(Journal):
     def forget(self, keys: Sequence[Key]) -> None:
         """Delete these commands; those that a crash leaves are deleted by the next run."""
         for key in keys:
-            self._put(key, partial(_forget, key=key))
+            work = partial(_forget, key=key)
+            self._store.submit(work, key=("commands", *key), within_s=BEHIND_S)
 
     async def settle(self, within_s: float) -> None:
         """Return when all that was noted so far is on the disk, or cannot be."""
@@ -165,14 +155,8 @@ class CommandTable(Journal):
 
     def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Have the commands of earlier runs read, once, before any of this run is written."""
-        done = self._store.submit(_read, key=("recall",), is_urgent=True)
+        done = self._store.submit(_read, is_lasting=True, is_urgent=True)
         done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
-
-    def _key(self, result: ResultRecord) -> Key | None:
-        """Return where a result is stored; None for nowhere."""
-        if not result.id and result.verb != STOP:
-            return None
-        return result.client, result.id or UNNAMED + result.starter
 
     def _recall(
         self, on_recalled: Callable[[Sequence[Remembered]], None], future: Future[list[Remembered]]
@@ -197,17 +181,18 @@ def _forget(connection: Connection, *, key: Key) -> None:
     connection.execute(_FORGET, key)
 
 
-def _work(key: Key, result: ResultRecord, *, also: Work | None = None) -> Work:
-    if result.phase.is_final and not result.id:  # it cannot be repeated; a crash must not find it under way
-        return partial(_forget, key=key)
-    return partial(_put, row=_row(key, result, may_be_written=result.verb == STOP), also=also)
+def _key(result: ResultRecord) -> Key | None:
+    """Return under what a result is stored; None: it is not."""
+    if not result.id and result.verb != STOP:
+        return None
+    return result.client, result.id or UNNAMED + result.starter
 
 
-def _row(key: Key, result: ResultRecord, *, may_be_written: bool) -> _Row:
+def _row(key: Key, result: ResultRecord, *, is_intent: bool = False) -> _Row:
     said = {name: getattr(result, name) for name in _STORED}
     values = json.dumps(result.values, default=str)
     said["values"] = json.loads(values) if len(values) <= MOST_VALUES else {}
-    return (*key, result.starter, may_be_written, json.dumps(said))
+    return (*key, result.starter, is_intent or result.verb == STOP, json.dumps(said))
 
 
 def remembered(client: str, id_: str, may_be_written: int, body: str) -> Remembered:

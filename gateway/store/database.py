@@ -1,14 +1,12 @@
-"""One SQLite file that may be damaged, foreign, full or away; the only module that knows sqlite3.
+"""One SQLite file that may be damaged, full or away; the only module that knows sqlite3.
 
-Invariants: a file is ours by its application id, and of this program by its version; its tables have exactly
-the shape that the schema's steps make; whatever else stands in its place is renamed, never overwritten.
-Without a path the same lives in memory.
+Invariants: the file has exactly the tables that the schema's steps make; a damaged file is renamed, never
+overwritten. Without a path the same lives in memory.
 """
 
 from __future__ import annotations
 
 import errno
-import logging
 import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
@@ -17,25 +15,24 @@ from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
 from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.system.whole_files import NEW, private, put_in_place, sync_file
-
-log = logging.getLogger(__name__)
+from gateway.system.whole_files import private
 
 Connection = sqlite3.Connection
 Work = Callable[[Connection], Any]
-RESERVE_BYTES = 2**20
 T = TypeVar("T")
 
+RESERVE_BYTES = 2**20
 PAGE_BYTES = 1024  # a transaction of a row or two writes some four pages, and again to write them back
 CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOGGED_PAGES = 100  # then it is: the file grows by these, and the reserve must be enough for that
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 WRITTEN_BYTES = 2**30  # bound of a file that is written once
-LAST_VERSION = 999  # a file that says a higher one is damaged
 SHRUNK_PAGES = 400  # given back to a full disk at a time: they pass through the write-ahead log
 
-_DAMAGE = frozenset({sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB, sqlite3.SQLITE_FORMAT})
+_DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
+_OWN_SQL = (None, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CONSTRAINT)  # the mistake is in a statement
+_UNFIT = (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_READONLY)  # other tables; a header that forbids to write
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
 _ASIDE = ".aside"  # ends the name of the file that was set aside last: more would fill the disk
 _SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
@@ -49,7 +46,6 @@ class Schema(NamedTuple):
     """What is in a file. The version of a file is the number of steps that it has been taken through."""
 
     name: str  # of its thread and in logs
-    application_id: int  # a file without it is not ours
     steps: tuple[Work, ...]  # each makes one version of the one before
 
     def shape(self) -> list[Any]:
@@ -65,12 +61,13 @@ class Database:
 
     def __init__(self, path: Path | None, schema: Schema, *, max_bytes: int) -> None:
         self.path = path or Path(":memory:")
-        self._is_file = path is not None
+        self.on_lost: Callable[[str], object] = lambda _: None  # gets what people should know of it
         self._schema = schema
         self._max_pages = max(max_bytes // PAGE_BYTES, 1)
-        self.on_lost: Callable[[str], object] = lambda _: None  # gets what people should know of it
-        self._reserve = Reserve(path)
+        # Room on the disk, allocated and never written, that is given up while the disk is full.
+        self._reserve = None if path is None else path.with_name(f"{path.name}-reserve")
         self._connection: Connection | None = None
+        self._damage: DamagedError | None = None  # found while the file was in use
 
     @property
     def is_open(self) -> bool:
@@ -79,85 +76,90 @@ class Database:
 
     def open(self) -> None:
         """Open or create the file; one that is damaged is put aside. StoreError."""
-        if self._is_file:
-            with translated(self.path):
-                self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         try:
+            if self._damage is not None:
+                raise self._damage
             self._connect()
         except DamagedError as error:
-            self.replace(error)
+            self.close()
+            with translated(self.path):
+                aside = put_aside(self.path)
+            self._damage = None
+            self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
+            self._connect()
         except FullError:
-            if not self._reserve.give_up():
+            if not self._give_up_reserve():
                 raise
             self._connect()
-
-    def replace(self, error: DamagedError) -> None:
-        """Put the file aside and open a new one. StoreError."""
-        self.close()
-        with translated(self.path):
-            aside = put_aside(self.path) if self._is_file else self.path
-        self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
-        self._connect()
 
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
         """Do the work in one transaction, and return its answers when it is on the disk.
 
         What is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until the
-        next transaction that is.
+        next transaction that is. A file that proves damaged is put aside when it is opened next.
         """
         connection = self._opened()
-        with translated(self.path):
-            _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
-            connection.execute("BEGIN IMMEDIATE")
-            try:
-                answers = [work(connection) for work in works]
-                connection.execute("COMMIT")
-            except BaseException:
-                if connection.in_transaction:
-                    connection.execute("ROLLBACK")
-                raise
+        try:
+            with translated(self.path):
+                _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
+                connection.execute("BEGIN IMMEDIATE")
+                try:
+                    answers = [work(connection) for work in works]
+                    connection.execute("COMMIT")
+                except BaseException:
+                    if connection.in_transaction:
+                        connection.execute("ROLLBACK")
+                    raise
+        except DamagedError as error:
+            self._damage = error
+            raise
         return answers
 
     def take_reserve(self) -> None:
-        """Take the room again that was given up, as soon as the disk has it; FullError.
+        """Take the room again that was given up, as soon as the disk has that much besides; FullError.
 
         The log of a transaction that failed for want of room is as long as that, and may take up that room.
         """
         self._shrink()
-        with translated(self.path):
-            if not self._reserve.take():
-                raise FullError(f"{self.path}: the disk is full")
+        if self._reserve is not None:
+            with translated(self.path), open(self._reserve, "ab", opener=private) as file:
+                disk, held = os.statvfs(self._reserve), os.fstat(file.fileno()).st_size
+                if disk.f_bavail * disk.f_frsize < 2 * RESERVE_BYTES - held:
+                    raise FullError(f"{self.path}: the disk is full")
+                os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
 
     def relieve(self, works: Iterable[Work]) -> list[Any]:
         """Do work that deletes, by means of the reserve: the disk is full, and deleting needs room too.
 
         The log is written back first: while the disk was full it could not be, and it has to be begun again.
         """
-        if self._reserve.give_up():
+        if self._give_up_reserve():
             self._shrink()
         answers = self.transact(works)
         self._shrink()
         return answers
 
-    def _shrink(self) -> None:
-        """Give back to a full disk what the file does not need, as far as that is possible now."""
-        connection = self._opened()
-        try:
-            with translated(self.path):
-                # As a script: it makes a step a page, of which `execute` takes the first alone.
-                connection.executescript(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})")
-                _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
-        except StoreError as error:  # the next attempt does it
-            log.debug("store=%s %s", self.path, error)
-
     def close(self) -> None:
         """Close the file."""
         connection, self._connection = self._connection, None
         if connection is not None:
-            try:
+            with suppress(sqlite3.Error):  # its last checkpoint failed: the next one to open it does that
                 connection.close()
-            except sqlite3.Error as error:  # its last checkpoint failed: the next one to open it does that
-                log.info("store=%s %s", self.path, error)
+
+    def _give_up_reserve(self) -> bool:
+        """Give the room back to the disk; return whether there was any."""
+        if self._reserve is None or not self._reserve.exists() or not self._reserve.stat().st_size:
+            return False
+        os.truncate(self._reserve, 0)
+        return True
+
+    def _shrink(self) -> None:
+        """Give back to a full disk what the file does not need, as far as that is possible now."""
+        connection = self._opened()
+        with suppress(StoreError), translated(self.path):  # else the next attempt does it
+            # As a script: it makes a step a page, of which `execute` takes the first alone.
+            connection.executescript(f"PRAGMA incremental_vacuum({SHRUNK_PAGES})")
+            _ask(connection, "PRAGMA wal_checkpoint(TRUNCATE)")
 
     def _opened(self) -> Connection:
         if self._connection is None:
@@ -166,38 +168,30 @@ class Database:
 
     def _connect(self) -> None:
         with translated(self.path):
-            is_there = self._is_file and self.path.exists()
-            if is_there and not self.path.is_file():
-                raise DamagedError(f"{self.path} is no file")
-            if self._is_file and not is_there:
-                os.close(private(str(self.path), os.O_RDWR | os.O_CREAT))
+            if self._reserve is not None:
+                self.path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+                if not self.path.exists():  # to close one that is in use would drop SQLite's locks
+                    os.close(private(str(self.path), os.O_RDWR | os.O_CREAT))
             connection = sqlite3.connect(self.path, timeout=LOCKED_WITHIN_S, isolation_level=None)
             try:
                 self._prepare(connection)
             except BaseException as error:
                 connection.close()
-                # Our own SQL does not fit to what is there, or its header forbids to write it.
-                is_locked = _code(error) == sqlite3.SQLITE_READONLY and os.access(self.path, os.W_OK)
-                if _code(error) == sqlite3.SQLITE_ERROR or is_locked:
+                if _code(error) in _UNFIT and os.access(self.path, os.W_OK):
                     raise DamagedError(f"{self.path}: {error}") from error
                 raise
         self._connection = connection
 
     def _prepare(self, connection: Connection) -> None:
-        """Make sure that the file is ours, whole, writable, and of this version."""
+        """Make sure that the file is whole, writable, and of this version."""
         connection.text_factory = _text
-        version = 0
-        if _ask(connection, "SELECT count(*) FROM sqlite_master"):
-            version = _known_version(connection, self.path, self._schema)
-            if _ask(connection, "PRAGMA quick_check(1)") != "ok":
-                raise DamagedError(f"{self.path} is damaged")
-        else:
-            _ask(connection, f"PRAGMA page_size = {PAGE_BYTES}")
-            _ask(connection, "PRAGMA auto_vacuum = INCREMENTAL")  # so that a full disk gets room back
-        if _ask(connection, "PRAGMA journal_mode = WAL") != "wal" and self._is_file:
-            raise StoreError(f"{self.path}: no write-ahead log is possible here")
+        if _ask(connection, "PRAGMA quick_check(1)") != "ok":
+            raise DamagedError(f"{self.path} is damaged")
+        version = _known_version(connection, self.path, self._schema)
         for setting in (
-            "synchronous = FULL",
+            f"page_size = {PAGE_BYTES}",  # of a new file
+            "auto_vacuum = INCREMENTAL",  # so that a full disk gets room back
+            "journal_mode = WAL",
             f"max_page_count = {self._max_pages}",
             f"cache_size = -{CACHE_KIB}",
             f"journal_size_limit = {LOG_BYTES}",
@@ -207,58 +201,31 @@ class Database:
         connection.execute("BEGIN IMMEDIATE")
         for step in self._schema.steps[version:]:
             step(connection)
-        connection.execute(f"PRAGMA application_id = {self._schema.application_id}")
         connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
         connection.execute("COMMIT")
         if connection.execute(_SHAPE).fetchall() != self._schema.shape():
             raise DamagedError(f"{self.path} has other tables")
 
 
-def snapshot(path: Path, copy: Path, schema: Schema) -> int:
-    """Copy a database as it is at one moment, also while a gateway writes to it; return its version.
-
-    The copy appears whole and on the disk, for its owner alone, or not at all. DamagedError, NewerError,
-    StoreError.
-    """
-    if path.exists() and not os.access(path, os.R_OK):
-        raise StoreError(f"{path} may not be read by this user (make the backup as root)")
-    new = copy.with_name(copy.name + NEW)
-    with translated(copy):
-        new.unlink(missing_ok=True)
-        os.close(private(str(new), os.O_RDWR | os.O_CREAT))
-        with translated(path), closing(_reader(path)) as source:
-            version = _known_version(source, path, schema)
-            source.execute("VACUUM INTO ?", (str(new),))
-        sync_file(new)
-        put_in_place(new, copy)
-    return version
+def copy_file(path: Path, copy: Path) -> int:
+    """Copy a database as it is at one moment, while a gateway writes to it or not; return its version."""
+    with _reader(path) as source:
+        source.execute("VACUUM INTO ?", (str(copy),))
+        return int(_ask(source, "PRAGMA user_version"))
 
 
-def stored_version(path: Path, schema: Schema) -> int | None:
-    """Return the version of a database as it is; None when there is none, or none that can be read."""
-    with suppress(OSError, StoreError, sqlite3.Error):
-        if path.is_file():
-            with translated(path), closing(_reader(path, is_idle=True)) as connection:
-                return _version(connection, path, schema)
-    return None
+def stored_version(path: Path) -> int:
+    """Return the version of a database, which may be a later one; StoreError when it cannot be read."""
+    with _reader(path) as connection:
+        return int(_ask(connection, "PRAGMA user_version"))
 
 
-def read_file(path: Path, schema: Schema, work: Callable[[Connection], T], *, is_idle: bool = False) -> T:
-    """Do some work on a shared file of another process, or of none, without changing it; StoreError.
-
-    `is_idle`: no process opens it meanwhile, unless one has already.
-    """
-    with translated(path):
-        os.stat(path)
-        with closing(_reader(path, is_idle=is_idle)) as connection:
-            _known_version(connection, path, schema)
-            connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
-            try:
-                return work(connection)
-            except sqlite3.OperationalError as error:
-                if _code(error) != sqlite3.SQLITE_ERROR:
-                    raise
-                raise DamagedError(f"{path} is of an earlier version, or damaged: {error}") from error
+def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
+    """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
+    with _reader(path) as connection:
+        _known_version(connection, path, schema)
+        connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
+        return work(connection)
 
 
 def write_file(path: Path, schema: Schema, work: Work) -> None:
@@ -271,17 +238,24 @@ def write_file(path: Path, schema: Schema, work: Work) -> None:
         database.close()
 
 
-def _reader(path: Path, *, is_idle: bool = False) -> Connection:
-    """Open a file for reading; also one whose folder cannot be written, where SQLite could make no log.
+@contextmanager
+def _reader(path: Path) -> Iterator[Connection]:
+    """Open a file for reading. Nothing is made beside one without a log: no process has it open.
 
-    Nothing is made beside one that is idle. Without a log no process has it open, so what is read cannot
-    change meanwhile (sqlite.org/wal.html 5).
+    So nothing changes meanwhile (sqlite.org/wal.html 5), unless a gateway starts, which fails the reading.
     """
-    is_fixed = not os.path.lexists(f"{path}-wal") and (is_idle or not os.access(path.parent, os.W_OK))
-    uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_fixed else ''}"
-    connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
-    connection.text_factory = _text
-    return connection
+    with translated(path, are_bugs=False):
+        if not path.exists():
+            why = "No such file or directory (has a gateway run with this state_dir?)"
+            raise StoreError(f"{path}: {why}")
+        is_idle = not os.path.lexists(f"{path}-wal")
+        uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_idle else ''}"
+        connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
+        with closing(connection):
+            connection.text_factory = _text
+            yield connection
+        if is_idle and os.path.lexists(f"{path}-wal"):
+            raise StoreError(f"{path} has just been opened by a gateway (try again)")
 
 
 def _text(octets: bytes) -> str:
@@ -289,17 +263,9 @@ def _text(octets: bytes) -> str:
     return octets.decode("utf-8", "replace")
 
 
-def _version(connection: Connection, path: Path, schema: Schema) -> int:
-    """Return a file's version, also a later one; DamagedError for another program's file."""
-    application, version = (_ask(connection, f"PRAGMA {each}") for each in ("application_id", "user_version"))
-    if application != schema.application_id or not 1 <= version <= LAST_VERSION:
-        raise DamagedError(f"{path} is another program's")
-    return int(version)
-
-
 def _known_version(connection: Connection, path: Path, schema: Schema) -> int:
-    """Return a file's version; DamagedError for another program's, NewerError for one of a later version."""
-    version = _version(connection, path, schema)
+    """Return a file's version; NewerError for a later one."""
+    version = int(_ask(connection, "PRAGMA user_version"))
     refuse_later(version, path, schema)
     return version
 
@@ -314,26 +280,24 @@ def refuse_later(version: int, path: Path, schema: Schema) -> None:
 
 
 @contextmanager
-def translated(path: Path) -> Iterator[None]:
-    """Raise StoreError for an error of SQLite or the file system; an error in our SQL is raised as it is."""
+def translated(path: Path, *, are_bugs: bool = True) -> Iterator[None]:
+    """Raise StoreError for an error of SQLite or the file system.
+
+    An error in our SQL is a bug, and raised as it is, unless the file may be of another version.
+    """
     try:
         yield
     except OSError as error:
-        kind = FullError if error.errno in (errno.ENOSPC, errno.EDQUOT) else StoreError
+        kind: type[StoreError] = FullError if error.errno in (errno.ENOSPC, errno.EDQUOT) else StoreError
         raise kind(f"{error.filename or path}: {error.strerror or error}") from error
     except UnicodeDecodeError as error:  # of a message that quotes what is damaged
         raise DamagedError(f"{path}: a text in it is no UTF-8") from error
     except sqlite3.Error as error:
         code = _code(error)
-        if code in _DAMAGE:
-            raise DamagedError(f"{path}: {error}") from error
-        if code == sqlite3.SQLITE_FULL or _is_index_full(error):
-            raise FullError(f"{path}: {error}") from error
-        if code in (sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED):
-            raise StoreError(f"{path} is in use by another process") from error
-        if code in (None, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CONSTRAINT):
+        if are_bugs and code in _OWN_SQL:
             raise
-        raise StoreError(f"{path}: {error}") from error
+        kind = DamagedError if code in _DAMAGE else FullError if _is_full(error) else StoreError
+        raise kind(f"{path}: {error}") from error
 
 
 def _code(error: BaseException) -> int | None:
@@ -342,9 +306,9 @@ def _code(error: BaseException) -> int | None:
     return None if code is None else code & 0xFF
 
 
-def _is_index_full(error: sqlite3.Error) -> bool:
-    """Return whether the log's index could not grow: SQLite has an error of its own for that."""
-    return getattr(error, "sqlite_errorcode", None) == sqlite3.SQLITE_IOERR_SHMSIZE
+def _is_full(error: sqlite3.Error) -> bool:
+    """Return whether the file or the log's index, which has an error of its own, could not grow."""
+    return getattr(error, "sqlite_errorcode", None) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)
 
 
 def _ask(connection: Connection, sql: str) -> Any:
@@ -360,42 +324,3 @@ def put_aside(path: Path) -> Path:
         if os.path.lexists(f"{path}{end}"):
             os.rename(f"{path}{end}", f"{aside}{end}")
     return aside
-
-
-class Reserve:
-    """Room on the disk that is given up while the disk is full: deleting rows needs room too.
-
-    It is a file beside the database, allocated and never written; of a database in memory there is none.
-    There is enough room only when the disk has as much left besides, so that a store on a full disk does not
-    change its mind every few seconds.
-    """
-
-    def __init__(self, path: Path | None) -> None:
-        self._path = None if path is None else path.with_name(f"{path.name}-reserve")
-
-    @property
-    def is_held(self) -> bool:
-        """Return whether the room is taken, by this run or an earlier one."""
-        try:
-            return self._path is None or self._path.stat().st_size == RESERVE_BYTES
-        except OSError:
-            return False
-
-    def take(self) -> bool:
-        """Take the room, and return whether there is enough; OSError."""
-        if self._path is None:
-            return True
-        disk, is_held = os.statvfs(self._path.parent), self.is_held
-        if disk.f_bavail * disk.f_frsize < (1 if is_held else 2) * RESERVE_BYTES:
-            return False
-        if not is_held:
-            with open(self._path, "wb", opener=private) as file:
-                os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
-        return True
-
-    def give_up(self) -> bool:
-        """Give the room back to the disk; return whether there was any."""
-        is_held = self._path is not None and self.is_held
-        if self._path is not None and is_held:
-            os.truncate(self._path, 0)
-        return is_held

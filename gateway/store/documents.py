@@ -17,7 +17,7 @@ from pydantic import TypeAdapter, ValidationError
 
 from gateway.contract import EventCode, PublishEvent
 from gateway.errors import DamagedError, StoreError
-from gateway.store.database import Connection, read_file, translated, write_file
+from gateway.store.database import Connection, read_file, write_file
 from gateway.store.import_0_2 import documents_of_0_2, import_files, is_import_due
 from gateway.store.schema import STATE
 from gateway.store.worker import BEHIND_S, Store
@@ -31,20 +31,15 @@ _PUT = "REPLACE INTO documents VALUES (?, ?)"
 
 
 class Documents:
-    """All documents of a gateway, as an earlier run left them; without a store nothing is saved.
-
-    While `is_operated` is False, documents that only commands need are not saved.
-    """
+    """All documents of a gateway, as an earlier run left them; without a store nothing is saved."""
 
     def __init__(
         self,
         store: Store | None = None,
         path: Path | None = None,
         *,
-        is_operated: bool = True,
         publish_event: PublishEvent | None = None,
     ) -> None:
-        self.is_operated = is_operated
         self.damage = ""  # why nothing is known from earlier; empty: it is
         self._store = store
         self._publish_event = publish_event
@@ -62,7 +57,6 @@ class Documents:
         provide: Callable[[], T],
         *,
         delay_s: float = 0.0,
-        is_for_operators: bool = False,
     ) -> Document[T]:
         """Return a document, as it was saved last; `provide` gives what is to be saved of it.
 
@@ -70,13 +64,11 @@ class Documents:
         """
 
         def save(within_s: float) -> Future[None] | None:
-            if self._store is None or not (self.is_operated or not is_for_operators):
+            if self._store is None:
                 return None
             body = self._bodies[name] = kind.dump_json(provide()).decode()
             work = partial(put_body, name=name, body=body)
-            return self._store.submit(
-                work, key=("documents", name), is_urgent=not within_s, within_s=within_s
-            )
+            return self._store.submit(work, key=("documents", name), is_urgent=True, within_s=within_s)
 
         document: Document[T] = Document(save, self._store, delay_s=delay_s)
         self._documents.append(document)
@@ -137,12 +129,9 @@ def read_bodies(path: Path | None) -> dict[str, str]:
     """Return the documents in a file, by name; those of 0.2.0 while there is no file. StoreError."""
     if path is None:
         return {}
-    with translated(path):
-        if is_import_due(path.parent):
-            return documents_of_0_2(path.parent)
-        return (
-            read_file(path, STATE, lambda file: dict(file.execute(_READ).fetchall())) if path.exists() else {}
-        )
+    if is_import_due(path.parent):
+        return documents_of_0_2(path.parent)
+    return read_file(path, STATE, lambda file: dict(file.execute(_READ).fetchall())) if path.exists() else {}
 
 
 def read_document(path: Path, name: str, kind: TypeAdapter[T]) -> T | None:
@@ -168,9 +157,4 @@ def parsed(kind: TypeAdapter[T], body: str | None, name: str) -> T | None:
     try:
         return kind.validate_json(body)
     except ValidationError as error:
-        raise DamagedError(f"what was stored of the {name} is damaged: {_first_mistake(error)}") from error
-
-
-def _first_mistake(error: ValidationError) -> str:
-    first = error.errors(include_url=False, include_input=False)[0]
-    return f"{'.'.join(map(str, first['loc']))} {first['msg']}".strip()
+        raise DamagedError(f"what was stored of the {name} is damaged: {error.errors()[0]['msg']}") from error

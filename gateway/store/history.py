@@ -2,9 +2,8 @@
 
 The file has a thread of its own too, so that neither commands nor the outbox wait for it. A row is a JSON
 object of a kind, of which the newest few stay for each starter. It is compressed (a curve of 300 samples
-takes about 4 KB), and the compression carries a checksum (RFC 1950): a damaged row is left out when it is
-read. The order of rows is that in which they came first, whatever the wall clock said. While the disk is away
-rows wait in memory, a bounded number of them.
+takes about 4 KB); one that cannot be unpacked is left out. The order of rows is that in which they came
+first, whatever the wall clock said. While the disk is away rows wait in memory, a bounded number of them.
 """
 
 from __future__ import annotations
@@ -17,15 +16,13 @@ from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
 from contextlib import suppress
 from functools import partial
-from itertools import count
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from gateway.errors import StoreError, UnstorableError
-from gateway.store.database import Connection, Work, read_file
+from gateway.store.database import Connection, read_file
+from gateway.store.import_0_2 import import_late
 from gateway.store.schema import HISTORY, HISTORY_FILE
-from gateway.store.waiting import Key
-from gateway.store.worker import BEHIND_S, RETRY_S, OnNews, Store
+from gateway.store.worker import BEHIND_S, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 COLLECT_S = 5.0  # between transactions in which nothing is urgent
@@ -61,22 +58,14 @@ class HistoryRow(NamedTuple):
 
 
 class HistoryStore:
-    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk.
-
-    `prepare` is the store's.
-    """
+    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk."""
 
     def __init__(
         self,
-        path: Path | None,
-        *,
-        retry_s: float = RETRY_S,
-        collect_s: float = COLLECT_S,
-        prepare: Callable[[], object] = lambda: None,
+        path: Path,
     ) -> None:
-        self._store = Store(path, HISTORY, retry_s=retry_s, most_keys=MOST_UNSAVED, prepare=prepare)
-        self._collect_s = collect_s
-        self._copies = count()  # each is made, in their order
+        prepare = partial(import_late, path.parent)
+        self._store = Store(path, HISTORY, most_lasting=MOST_UNSAVED, prepare=prepare)
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None
 
     def start(self, on_news: OnNews, on_stored: Callable[[HistoryRow], None]) -> None:
@@ -86,13 +75,14 @@ class HistoryStore:
 
     def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
         """Store a row; an urgent one soon, with all that was put before, others within seconds."""
-        done = self._put(partial(_write, row=row), row[:3], BEHIND_S if is_urgent else self._collect_s)
+        within_s = BEHIND_S if is_urgent else COLLECT_S
+        done = self._store.submit(partial(_write, row=row), key=row[:3], within_s=within_s)
         done.add_done_callback(on_this_loop(partial(self._note_stored, row)))
 
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
         work = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
-        self._put(work, (starter, to_kind, "copy", str(next(self._copies))), BEHIND_S)
+        self._store.submit(work, is_lasting=True, within_s=BEHIND_S)
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what is stored of a starter, with what was put before this; the oldest first; StoreError."""
@@ -111,22 +101,14 @@ class HistoryStore:
         """Close the file when all is written; return whether there was time for it."""
         return await asyncio.to_thread(self._store.close, within_s=within_s) and not self._store.unsaved
 
-    def _put(self, work: Work, key: Key, within_s: float) -> Future[None]:
-        return self._store.submit(work, key=("history", *key), within_s=within_s)
-
     def _note_stored(self, row: HistoryRow, future: Future[None]) -> None:
-        if isinstance(future.exception(), UnstorableError | None):
+        if future.exception() is None:
             self._on_stored(row)
 
 
 def read_history(state_dir: Path, starter: str) -> list[HistoryRow]:
     """Return what is stored of a starter, the oldest first, beside a gateway that runs or not; StoreError."""
-    try:
-        return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
-    except StoreError as error:
-        if isinstance(error.__cause__, FileNotFoundError):
-            raise StoreError(f"{error} (has a gateway run with this state_dir?)") from error
-        raise
+    return read_file(state_dir / HISTORY_FILE, HISTORY, partial(_rows, starter=starter, kinds=()))
 
 
 def with_curves(rows: Sequence[HistoryRow]) -> list[HistoryRow]:
@@ -153,15 +135,13 @@ def _copy(connection: Connection, *, starter: str, kind: str, id_: str, to_kind:
 
 
 def _rows(connection: Connection, *, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
-    """Return the rows of these kinds (none: of all), but those that are damaged."""
+    """Return the rows of these kinds (none: of all) that can be read."""
     of_kinds = f" AND kind IN ({', '.join('?' * len(kinds))})" if kinds else ""
     found = connection.execute(f"{_OF_STARTER}{of_kinds} ORDER BY number", (starter, *kinds))
     rows = []
     for kind, id_, packed in found:
-        with suppress(zlib.error, ValueError, TypeError):
-            data = json.loads(zlib.decompress(packed))
-            if isinstance(data, dict):
-                rows.append(HistoryRow(starter, str(kind), str(id_), data))
+        with suppress(zlib.error, ValueError):
+            rows.append(HistoryRow(starter, kind, id_, json.loads(zlib.decompress(packed))))
     return rows
 
 

@@ -65,7 +65,7 @@ COMMANDS, OUTBOX, HISTORY_0_2 = DATABASES = ("gateway.sqlite", "outbox.sqlite", 
 ANCHOR, SEGMENTS = "audit/anchor.json", "audit/audit-????????.jsonl"
 NAMES = (*DATABASES, *(f"{name}-wal" for name in DATABASES), *DOCUMENTS, ANCHOR, SEGMENTS)
 OURS = {HISTORY_FILE: HISTORY, STATE_FILE: STATE}  # the state is the last: with it all is done
-SQLITE_0_2 = Schema("0.2.0", application_id=0x53474154, steps=(lambda _: None,))
+SQLITE_0_2 = Schema("0.2.0", steps=(lambda _: None,))
 
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0
 _SAID = ("verb", "phase", "code", "text", "time_s")  # of a command
@@ -246,25 +246,23 @@ def _copy_audit(state_dir: Path, connection: Connection) -> None:
         before = _last_head(older[-1])
     if newest:
         lines = [line for path in newest for line in _lines(path)]
-        anchor = canonical({"n": before.number, "hash": before.hash}) if before else ""
+        anchor = canonical({"n": before.number, "hash": before.hash})
         rows = zip(count(), (anchor, *lines), (0, *accumulate(map(len, lines))), strict=False)
         connection.executemany("INSERT INTO audit (number, line, upto) VALUES (?, ?, ?)", rows)
         text = f"from {state_dir}/audit, which 0.2.0 has written"
-        audit.append(connection, entries=[audit.note_of("state_imported", text, "")])
+        audit.append(connection, entry=audit.note_of("state_imported", text, ""))
 
 
 PARTS = {STATE: (_copy_commands, _copy_outbox, _copy_documents, _copy_audit), HISTORY: (_copy_history,)}
 
 
-def _anchor(path: Path) -> tuple[str, Head | None]:
-    """Return the last file that was given up, and where the chain stood after it; None: not known."""
+def _anchor(path: Path) -> tuple[str, Head]:
+    """Return the last file that was given up, and the place in the chain after it."""
     try:
         fields = json.loads(path.read_text("utf-8"))
         return f"audit-{fields['segment']:08d}.jsonl", Head(int(fields["n"]), str(fields["hash"]))
-    except FileNotFoundError:
+    except (FileNotFoundError, ValueError, KeyError, TypeError):
         return "", Head()
-    except (ValueError, KeyError, TypeError):
-        return "", None
 
 
 def _lines(path: Path) -> list[str]:
@@ -272,12 +270,12 @@ def _lines(path: Path) -> list[str]:
     return path.read_bytes().decode("utf-8", "replace").split("\n")[:-1]
 
 
-def _last_head(path: Path) -> Head | None:
-    """Return where the chain stands after a file; None when its last line does not say."""
+def _last_head(path: Path) -> Head:
+    """Return the place in the chain after a file."""
     try:
         return read_line(_lines(path)[-1])[1]
     except (IndexError, ValueError):
-        return None
+        return Head()
 
 
 def _run_of(state_dir: Path) -> str:
@@ -292,7 +290,7 @@ def _read(path: Path, sql: str, work: Callable[[Iterable[Any]], Any] = list) -> 
     """Do some work with the rows of a file of 0.2.0; with none when there is no file. StoreError."""
     if not path.exists():
         return work(())
-    return read_file(path, SQLITE_0_2, lambda file: work(file.execute(sql)), is_idle=True)
+    return read_file(path, SQLITE_0_2, lambda file: work(file.execute(sql)))
 
 
 def _checksum(row: OutboxRow) -> int:

@@ -15,46 +15,27 @@ from __future__ import annotations
 import enum
 import zlib
 from collections.abc import Collection, Iterable, Sequence
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
+from gateway.errors import DamagedError
 from gateway.store.database import Connection
 
 ROW_BYTES = 220  # what a row costs besides its topic and payload, in memory and on the disk
 ID_BITS = 56
-LATEST_S = 2**33  # of the times that a sound row may have
+LATEST_S = 2**33
 
-TABLES = (
-    f"""
-    CREATE TABLE outbox (
-        place INTEGER PRIMARY KEY, topic TEXT NOT NULL, payload BLOB NOT NULL, time_s REAL NOT NULL,
-        boot TEXT NOT NULL, key TEXT NOT NULL, correlation BLOB, checksum INTEGER NOT NULL,
-        rank INTEGER AS (place >> {ID_BITS}), id INTEGER AS (place & {2**ID_BITS - 1})
-    )
-    """,
-    """
-    CREATE TABLE outbox_losses (
-        reason TEXT NOT NULL, rank INTEGER NOT NULL, rows INTEGER NOT NULL, first_s REAL NOT NULL,
-        last_s REAL NOT NULL, PRIMARY KEY (reason, rank)
-    )
-    """,
-)
 _COLUMNS = "topic, payload, time_s, boot, key, correlation, checksum"
 _INSERT = f"INSERT INTO outbox (place, {_COLUMNS}) VALUES (?, ?, ?, ?, ?, ?, ?, ?) ON CONFLICT DO NOTHING"
 _DELETE = "DELETE FROM outbox WHERE place = ?"
-_PAGE = f"SELECT id, {_COLUMNS} FROM outbox WHERE place > ? AND place < ? ORDER BY place LIMIT ?"
+_PAGE = f"SELECT id, rank, {_COLUMNS} FROM outbox WHERE place > ? AND place < ? ORDER BY place LIMIT ?"
 _LAST = "SELECT coalesce(max(place), 0) FROM outbox WHERE place < ?"
 _SIZE = f"length(topic) + length(payload) + {ROW_BYTES}"
-_TIME = f"CASE WHEN time_s BETWEEN 0 AND {LATEST_S} THEN time_s END"  # a damaged one is none
+_TIME = f"max(min(time_s, {LATEST_S}), 0.0)"  # also where that is damaged
 _TOTALS = f"""
-    SELECT rank, count(*), coalesce(sum({_SIZE}), 0), coalesce(min({_TIME}), 0.0), coalesce(max({_TIME}), 0.0)
-    FROM outbox WHERE id <= ? GROUP BY rank
+    SELECT rank, count(*), sum({_SIZE}), min({_TIME}), max({_TIME}) FROM outbox WHERE id <= ? GROUP BY rank
 """
-_KEYS = "SELECT CAST(key AS TEXT) FROM outbox WHERE id <= ? AND key != '' ORDER BY id"
-_LOSSES = f"""
-    SELECT CAST(reason AS TEXT), rank, rows, first_s, last_s FROM outbox_losses
-    WHERE rank IN (0, 1, 2) AND typeof(rows) = 'integer'
-    AND first_s BETWEEN 0 AND {LATEST_S} AND last_s BETWEEN 0 AND {LATEST_S}
-"""
+_KEYS = "SELECT key FROM outbox WHERE id <= ? AND key != '' ORDER BY id"
+_LOSSES = "SELECT reason, rank, rows, first_s, last_s FROM outbox_losses"
 _ADD_LOSS = "INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?)"
 
 
@@ -107,7 +88,6 @@ class OutboxPage(NamedTuple):
     """The next rows of a rank, in order."""
 
     rows: Sequence[OutboxRow]
-    damaged: Sequence[int]  # the ids of rows of which nothing else is certain
     upto: int  # the rank is read up to this id
     is_last: bool  # nothing comes after it
 
@@ -122,8 +102,9 @@ class OutboxTable:
         """Write rows, whose times are UTC; those that are there already stay as they are."""
         base = self._base(connection)
         stored = (row._replace(id=row.id + base) for row in rows)
-        values = ((_place(row.rank, row.id), *row[2:], _checksum(row)) for row in stored)
-        connection.executemany(_INSERT, values)
+        connection.executemany(
+            _INSERT, ((_place(row.rank, row.id), *row[2:], _checksum(row)) for row in stored)
+        )
 
     def delete(self, connection: Connection, ids: Iterable[tuple[Rank, int]]) -> None:
         """Delete rows; those that are not there do not matter."""
@@ -133,40 +114,28 @@ class OutboxTable:
     def page(self, connection: Connection, rank: Rank, after: int, limit: int) -> OutboxPage:
         """Return the rows of a rank after an id, the oldest first."""
         base = self._base(connection)
-        end = _place(rank, max(after + base, 0)), _place(rank + 1, 0)
-        found = connection.execute(_PAGE, (*end, limit)).fetchall()
-        rows: list[OutboxRow] = []
-        damaged: list[int] = []
-        for id_, *columns, checksum in found:
-            row = OutboxRow(id_, rank, *columns)
-            if _checksum(row) == checksum:
-                rows.append(row._replace(id=id_ - base))
-            else:
-                damaged.append(id_ - base)
-        upto = found[-1][0] - base if found else after
-        return OutboxPage(rows, damaged, upto, is_last=len(found) < limit)
+        span = _place(rank, max(after + base, 0)), _place(rank + 1, 0)
+        rows = [_row(*columns, base=base) for columns in connection.execute(_PAGE, (*span, limit))]
+        return OutboxPage(rows, rows[-1].id if rows else after, is_last=len(rows) < limit)
 
     def totals(self, connection: Connection) -> dict[Rank, Total]:
         """Return how much earlier runs have left of each rank; reads the whole table."""
         found = connection.execute(_TOTALS, (self._base(connection),))
-        totals = {rank: Total(*columns) for rank, *columns in found}
-        return {rank: totals[rank] for rank in Rank if rank in totals}
+        return {Rank(rank): Total(*columns) for rank, *columns in found}
 
     def keys(self, connection: Connection) -> list[str]:
         """Return the keys of what earlier runs have left, the oldest first."""
         return [key for (key,) in connection.execute(_KEYS, (self._base(connection),))]
 
     def payloads(self, connection: Connection, keys: Collection[str]) -> dict[str, bytes]:
-        """Return what is published with these keys, but of rows that are damaged; reads the whole table."""
+        """Return what is published with these keys; reads the whole table."""
         wanted = f"SELECT id, rank, {_COLUMNS} FROM outbox WHERE key IN ({', '.join('?' * len(keys))})"
-        found = connection.execute(wanted, tuple(keys))
-        rows = ((OutboxRow(*columns), checksum) for *columns, checksum in found)
-        return {row.key: row.payload for row, checksum in rows if _checksum(row) == checksum}
+        rows = (_row(*columns, base=0) for columns in connection.execute(wanted, tuple(keys)))
+        return {row.key: row.payload for row in rows}
 
     def losses(self, connection: Connection) -> list[Loss]:
-        """Return the losses that are not declared yet, but those that are damaged."""
-        found = connection.execute(_LOSSES)
-        return [Loss(reason, Rank(rank), *columns) for reason, rank, *columns in found]
+        """Return the losses that are not declared yet."""
+        return [Loss(reason, Rank(rank), *columns) for reason, rank, *columns in connection.execute(_LOSSES)]
 
     def set_losses(self, connection: Connection, losses: Iterable[Loss]) -> None:
         """Let these be the losses that are not declared yet."""
@@ -184,6 +153,18 @@ def _place(rank: int, id_: int) -> int:
     return (rank << ID_BITS) + id_
 
 
+def _row(id_: int, rank: int, *columns: Any, base: int) -> OutboxRow:
+    *of_row, checksum = columns
+    row = OutboxRow(id_, Rank(rank), *of_row)
+    if _checksum(row) != checksum:
+        raise DamagedError("a message in it is damaged")
+    return row._replace(id=id_ - base)
+
+
+def _checksum(row: OutboxRow) -> int:
+    return zlib.crc32(repr((int(row.rank), row.id, *row[2:])).encode("utf-8", "backslashreplace"))
+
+
 def merged(losses: Iterable[Loss]) -> list[Loss]:
     """Return one loss for each reason and rank."""
     sums: dict[tuple[str, Rank], Loss] = {}
@@ -197,7 +178,3 @@ def merged(losses: Iterable[Loss]) -> list[Loss]:
             max(before.last_s, loss.last_s),
         )
     return list(sums.values())
-
-
-def _checksum(row: OutboxRow) -> int:
-    return zlib.crc32(repr((int(row.rank), row.id, *row[2:])).encode("utf-8", "backslashreplace"))

@@ -6,32 +6,46 @@ them all. A step never changes once it was released: a changed table is one step
 
 from __future__ import annotations
 
-from gateway.store.database import Connection, Schema
-from gateway.store.outbox import TABLES
+from gateway.store.database import Schema, Work
+from gateway.store.outbox import ID_BITS
 
 STATE_FILE, HISTORY_FILE = "state.sqlite", "history.sqlite"
 
-_COMMANDS = """
+_STATE = (
+    """
     CREATE TABLE commands (
         client TEXT NOT NULL, id TEXT NOT NULL, starter TEXT NOT NULL, may_be_written INTEGER NOT NULL,
         result TEXT NOT NULL, PRIMARY KEY (client, id)
     )
-"""
-_DOCUMENTS = "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID"
+    """,
+    f"""
+    CREATE TABLE outbox (
+        place INTEGER PRIMARY KEY, topic TEXT NOT NULL, payload BLOB NOT NULL, time_s REAL NOT NULL,
+        boot TEXT NOT NULL, key TEXT NOT NULL, correlation BLOB, checksum INTEGER NOT NULL,
+        rank INTEGER AS (place >> {ID_BITS}), id INTEGER AS (place & {2**ID_BITS - 1})
+    )
+    """,
+    """
+    CREATE TABLE outbox_losses (
+        reason TEXT NOT NULL, rank INTEGER NOT NULL, rows INTEGER NOT NULL, first_s REAL NOT NULL,
+        last_s REAL NOT NULL, PRIMARY KEY (reason, rank)
+    )
+    """,
+    "CREATE TABLE documents (name TEXT PRIMARY KEY, body TEXT NOT NULL) WITHOUT ROWID",
+    "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL, upto INTEGER NOT NULL)",
+)
 _HISTORY = """
     CREATE TABLE history (
         number INTEGER PRIMARY KEY AUTOINCREMENT, starter TEXT NOT NULL, kind TEXT NOT NULL, id TEXT NOT NULL,
         time_s REAL NOT NULL, data BLOB NOT NULL, UNIQUE (starter, kind, id)
     )
 """
-_AUDIT = "CREATE TABLE audit (number INTEGER PRIMARY KEY, line TEXT NOT NULL, upto INTEGER NOT NULL)"
 
 
-def _first(connection: Connection) -> None:
-    for sql in (_COMMANDS, *TABLES, _DOCUMENTS, _AUDIT):
-        connection.execute(sql)
+def _step(*statements: str) -> Work:
+    return lambda connection: [connection.execute(sql) for sql in statements]
 
 
-STATE = Schema("state", application_id=0x53475354, steps=(_first,))  # "SGST"
-HISTORY = Schema("history", application_id=0x53474849, steps=(lambda each: each.execute(_HISTORY),))  # "SGHI"
+STATE = Schema("state", steps=(_step(*_STATE),))
+HISTORY = Schema("history", steps=(_step(_HISTORY),))
 SCHEMAS = {STATE_FILE: STATE, HISTORY_FILE: HISTORY}

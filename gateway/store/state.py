@@ -11,13 +11,13 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from gateway.contract import AuditRecord, EventCode, PublishEvent, Record, Severity
+from gateway.contract import EventCode, PublishEvent, Severity
 from gateway.store.audit import Audit
-from gateway.store.commands import CommandTable, Remembered
+from gateway.store.commands import Journal, Remembered
 from gateway.store.documents import Documents
 from gateway.store.import_0_2 import import_late
 from gateway.store.schema import STATE
-from gateway.store.worker import RETRY_S, News, OnNews, Store
+from gateway.store.worker import News, OnNews, Store
 from gateway.system.supervised import on_this_loop
 
 log = logging.getLogger(__name__)
@@ -29,11 +29,8 @@ SETTLE_WITHIN_S = 2.0
 class StateStore:
     """All calls on the app's loop; `path` None: in memory.
 
-    Without operators it is no error, only a warning, when nothing can be stored. `follow` passes the store's
-    news on, after the parts of this.
+    Without operators it is no error, only a warning, when nothing can be stored.
     """
-
-    takes = (AuditRecord,)
 
     def __init__(
         self,
@@ -42,36 +39,27 @@ class StateStore:
         boot: str,
         has_operators: bool,
         publish_event: PublishEvent,
-        retry_s: float = RETRY_S,
     ) -> None:
         self._publish_event = publish_event
+        self._has_operators = has_operators
         prepare = partial(import_late, None if path is None else path.parent)
-        self.store = Store(path, STATE, retry_s=retry_s, prepare=prepare)
-        self.documents = Documents(self.store, path, is_operated=has_operators, publish_event=publish_event)
-        self.commands = CommandTable(self.store, on_slow=self._note_slow)
-        self._audit = Audit(self.store, boot=boot)
-        self._followers: list[OnNews] = []
+        self.store = Store(path, STATE, prepare=prepare)
+        self.documents = Documents(self.store, path, publish_event=publish_event)
+        self.commands = Journal(self.store, on_slow=self._note_slow)
+        self.audit = Audit(self.store, boot=boot)
+        self.on_news: OnNews = lambda *_: None  # gets the store's news after the parts of this
         self._is_away = False
-
-    def follow(self, on_news: OnNews) -> None:
-        """Have this called with the store's news from now on."""
-        self._followers.append(on_news)
 
     def start(self, version: str, *, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
         self.commands.recall(on_recalled)
         self.store.start(on_this_loop(self._on_news))
-        self._audit.note("gateway_started", f"version {version}")
-
-    def put(self, record: Record) -> None:
-        """Store what belongs into the audit."""
-        if isinstance(record, AuditRecord):
-            self._audit.put(record)
+        self.audit.note("gateway_started", f"version {version}")
 
     def apply(self, *, has_operators: bool) -> None:
         """Apply another configuration, and record in the audit from when."""
-        self.documents.is_operated = has_operators
-        self._audit.note("gateway_reloaded", "by another configuration from now on")
+        self._has_operators = has_operators
+        self.audit.note("gateway_reloaded", "by another configuration from now on")
 
     async def settle(self) -> None:
         """Write the last results and documents, if the disk works, so that they can be published."""
@@ -79,7 +67,7 @@ class StateStore:
 
     async def close(self, reason: str) -> None:
         """Write what waits, as far as the disk lets us."""
-        self._audit.note("gateway_ended", reason)
+        self.audit.note("gateway_ended", reason)
         is_done = await asyncio.to_thread(self.store.close, within_s=CLOSE_WITHIN_S)
         if not is_done or self.store.unsaved:
             log.error("the last %d commands, documents and audit entries are not stored", self.store.unsaved)
@@ -99,10 +87,9 @@ class StateStore:
                 self._is_away = True
             case News.LOST:
                 self._publish_event(EventCode.STORE_LOST, severity=self._severity(), trouble=text)
-                self._audit.note("chain_begun_anew", text)
+                self.audit.note("chain_begun_anew", text)
                 self.documents.save_all()
-        for follower in self._followers:
-            follower(news, text)
+        self.on_news(news, text)
 
     def _severity(self) -> Severity:
-        return Severity.ERROR if self.documents.is_operated else Severity.WARNING
+        return Severity.ERROR if self._has_operators else Severity.WARNING

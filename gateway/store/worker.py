@@ -1,13 +1,15 @@
 """The thread that writes a database: intents and finals first, everything else in batches.
 
-The caller never waits for the disk. A piece's future completes when its transaction is on the disk. Urgent
-pieces are done first. All others follow in batches; a batch ends after 500 pieces, after 50 ms, or when an
-urgent one comes.
+1. The caller never waits for the disk. A piece's future completes when its transaction is on the disk.
+2. Urgent pieces are done first, and take some lasting ones along. All others follow in batches; a batch ends
+   after 500 pieces, after 50 ms, or when an urgent one comes.
+3. A lasting piece waits until it is done: a failure of the disk does not end it. Such is one with a key, and
+   newer work of its key gets its place and its future. All others fail when the disk does.
+4. A bad file never stops the gateway: it is tried again, a damaged one is set aside. On a full disk only what
+   deletes is done, by means of a reserve.
 
 WAL with synchronous FULL survives a power cut, if the disk flushes when asked to (sqlite.org/pragma.html,
-synchronous). A bad file never stops the gateway: a damaged or foreign one is set aside, a failed write is
-reported to its caller, and the file is tried again. Work with a key waits for that. On a full disk only what
-deletes is done, by means of a reserve.
+synchronous).
 """
 
 from __future__ import annotations
@@ -18,23 +20,27 @@ import logging
 import queue
 import threading
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from functools import partial
+from itertools import chain, islice
 from math import inf
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, NamedTuple, TypeVar
 
-from gateway.errors import DamagedError, StoreError, UnstorableError
+from gateway.errors import StoreError
 from gateway.store.database import Connection, Database, FullError, Schema, Work
-from gateway.store.waiting import MOST_WAITING, Key, Piece, Waiting
 from gateway.system.supervised import is_set_within, on_this_loop
 
 log = logging.getLogger(__name__)
 
+Key = tuple[str, ...]  # names what the work is about
 T = TypeVar("T")
 
 MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
+MOST_LASTING = 10_000  # pieces, besides the urgent ones
+MOST_AT_ONCE = 500  # pieces in one transaction
+MOST_ALONG = 100  # lasting pieces that urgent ones take along: a transaction of their own costs 8 KiB
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 BEHIND_S = 0.5  # how long what is written behind waits for another transaction
@@ -44,19 +50,33 @@ BATCH_S = 0.05  # of one transaction, while there is more to do
 class News(enum.StrEnum):
     """A change of a store's state."""
 
-    OPEN = "store_open"  # for the first time, or again after AWAY or LOST
+    OPEN = "store_open"  # for the first time, or again after AWAY
     AWAY = "store_away"  # nothing can be stored
-    LOST = "store_lost"  # the file was set aside or is gone; a new one is in use
+    LOST = "store_lost"  # the file was set aside; a new one is in use
 
 
 OnNews = Callable[[News, str], None]  # with a text for people
 
 
+class Piece(NamedTuple):
+    """Some work that waits, and its answer."""
+
+    place: object  # its key; without one, an object of its own
+    is_lasting: bool
+    work: Work
+    is_flushed: bool
+    is_freeing: bool
+    future: Future[Any]
+
+    def begin(self) -> bool:
+        """Return whether it is to be done: its caller has not given it up meanwhile."""
+        return self.future.running() or self.future.set_running_or_notify_cancel()
+
+
 class Store:
     """The file and its thread; `path` None: the same in memory.
 
-    `prepare` is called in the thread until the file was open once; a StoreError of it says that
-    the file is away.
+    `prepare` is called in the thread before the file is opened; a StoreError of it says that that is away.
     """
 
     def __init__(
@@ -64,32 +84,29 @@ class Store:
         path: Path | None,
         schema: Schema,
         *,
-        max_bytes: int = MAX_BYTES,
-        retry_s: float = RETRY_S,
-        most_keys: int = MOST_WAITING,
+        most_lasting: int = MOST_LASTING,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
-        self._prepare: Callable[[], object] | None = prepare
-        self._file = Database(path, schema, max_bytes=max_bytes)
-        self._file.on_lost = partial(self._report, News.LOST)
+        self._prepare = prepare
+        self._file = Database(path, schema, max_bytes=MAX_BYTES)
         self._on_news: OnNews = lambda *_: None
-        self._waiting = Waiting(most_keys)
+        self._urgent, self._others = dict[object, Piece](), dict[object, Piece]()  # until they are done
+        self._most_lasting = most_lasting
+        self._lock = threading.Lock()  # of what waits
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
-        self._trouble = "it is not open yet"
-        self._reported: News | None = None
-        self._pause_s = retry_s
-        self._retry_s = 0.0  # when what failed is tried again
+        self._error: StoreError | None = StoreError("it is not open yet")  # why nothing can be stored
+        self._retry_s = 0.0  # when what failed is tried again; 0: nothing has been tried yet
         self._busy_since_s: float | None = None
         self._is_closed = False
 
     @property
     def trouble(self) -> str:
         """Return why nothing can be stored now; empty when it can."""
+        if self._error is not None:
+            return str(self._error)
         busy_s = self._busy_s()
-        if not self._trouble and busy_s > HANG_S:
-            return f"the disk has not answered for {busy_s:.0f} s"
-        return self._trouble
+        return f"the disk has not answered for {busy_s:.0f} s" if busy_s > HANG_S else ""
 
     @property
     def is_unreadable(self) -> bool:
@@ -99,16 +116,17 @@ class Store:
     @property
     def is_away(self) -> bool:
         """Return whether the last attempt to store something has failed."""
-        return self._reported is News.AWAY
+        return self._error is not None and self._retry_s > 0.0
 
     @property
     def unsaved(self) -> int:
-        """Return how many pieces with a key wait for the disk."""
-        return self._waiting.keyed
+        """Return how many lasting pieces wait for the disk."""
+        return sum(piece.is_lasting for piece in chain(self._urgent.values(), self._others.values()))
 
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""
         self._on_news = on_news
+        self._file.on_lost = partial(on_news, News.LOST)
         self._thread.start()
 
     def submit(
@@ -116,6 +134,7 @@ class Store:
         work: Callable[[Connection], T],
         *,
         key: Key | None = None,
+        is_lasting: bool = False,
         is_urgent: bool = False,
         is_flushed: bool = True,
         is_freeing: bool = False,
@@ -123,19 +142,30 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        Urgent work is done first, then work with a key, then the others; each keeps its order among its like,
-        and may wait (`within_s`) for a transaction that something else begins. With a key it waits for a
-        disk that is away, and newer work of that key takes its place: the future is done when the newest is
-        on the disk, or is given up. Work that need not be flushed at once outlives the process, but perhaps
-        not a power cut. Freeing work only deletes, and is done on a full disk too: it should touch less than
-        a quarter of the reserve.
+        Urgent work is done first; of the rest, only so much waits, the newest. It may wait (`within_s`) for
+        a transaction that something else begins. Work that need not be flushed at once outlives the process,
+        but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it should
+        touch less than a quarter of the reserve.
         """
-        piece = Piece(work, key, is_urgent, is_flushed, is_freeing)
+        place, oldest = key or object(), None
         if self._is_closed:
-            piece.future.set_exception(StoreError("the store is closed"))
-            return piece.future
-        future = self._waiting.put(piece)
+            return _ended(Future(), "the store is closed")
+        with self._lock:
+            older = self._urgent.get(place) or self._others.get(place)
+            future: Future[T] = Future() if older is None else older.future
+            piece = Piece(place, is_lasting or key is not None, work, is_flushed, is_freeing, future)
+            if is_urgent or place in self._urgent:
+                self._others.pop(place, None)
+                self._urgent[place] = piece
+            else:
+                self._others[place] = piece
+                if piece.is_lasting and len(self._others) > self._most_lasting:
+                    idle = (other for other in self._others.values() if not other.future.running())
+                    if (oldest := next(idle, None)) is not None:
+                        del self._others[oldest.place]
         self._wake.put(time.monotonic() + within_s)
+        if oldest is not None and oldest.begin():
+            _ended(oldest.future, "too much is waiting for the disk")
         return future
 
     async def has_done(self, future: Future[Any], within_s: float) -> bool:
@@ -166,14 +196,15 @@ class Store:
         is_over = False
         while not is_over:
             is_over = self._wait()
-            self._do([])  # opens the file
-            while (batch := self._waiting.take(is_away=bool(self._trouble))) is not None:
-                self._do(batch)  # empty when the callers have given all of it up
+            if self._error is not None:
+                self._do([])  # opens the file
+            while (batch := self._take()) is not None:
+                self._do(batch)
         self._file.close()
 
     def _wait(self) -> bool:
         """Return when something may wait no longer, and whether it is the last."""
-        due_s = self._retry_s if self._trouble else inf
+        due_s = inf if self._error is None else self._retry_s
         while (rest_s := due_s - time.monotonic()) > 0:
             try:
                 by_s = self._wake.get(timeout=None if rest_s == inf else rest_s)
@@ -184,102 +215,121 @@ class Store:
             due_s = min(due_s, by_s)
         return False
 
+    def _take(self) -> list[Piece] | None:
+        """Return the next pieces, None when there are none; while the file is away no lasting ones.
+
+        They wait until they are done, or have failed.
+        """
+        with self._lock:
+            urgent = self._ready(self._urgent, MOST_AT_ONCE)
+            rest = self._ready(self._others, MOST_ALONG if urgent else MOST_AT_ONCE, are_lasting=bool(urgent))
+            found = urgent + rest
+            batch = [piece for piece in found if piece.begin()]
+            for piece in found:
+                if not piece.future.running():  # its caller has given it up
+                    self._remove(piece)
+        return batch if found else None
+
+    def _ready(self, pieces: dict[object, Piece], most: int, *, are_lasting: bool = False) -> list[Piece]:
+        if self._error is not None:
+            ready = (piece for piece in pieces.values() if not piece.is_lasting)
+        else:
+            ready = (piece for piece in pieces.values() if piece.is_lasting or not are_lasting)
+        return list(islice(ready, most))
+
     def _do(self, batch: Sequence[Piece]) -> None:
         """Do what there is time for in one transaction; a piece with a bug is left out of the next one."""
         self._busy_since_s = time.monotonic()
-        begun: list[tuple[Piece, Work]] = []
+        begun: list[Piece] = []
         try:
-            self._open()
-            self._finish(begun, self._attempt(batch, begun))
-            self._waiting.put_back(batch)
-        except FullError as error:
-            self._go_away(error)
-            self._relieve(batch, error)
+            answers = self._transact(batch, begun)
+            for piece, answer in zip(begun, answers, strict=True):
+                self._end(piece, answer)
         except StoreError as error:
-            self._file.close()
-            self._go_away(error)
-            self._waiting.fail(batch, error)
+            if not isinstance(error, FullError):
+                self._file.close()
+            self._fail(batch, error)
         except Exception as error:  # the guard at the thread's top
             log.exception("store=%s a piece of work failed", self._file.path)
-            failure = _unstorable(error)
+            failure = StoreError(f"an error inside the gateway: {error!r}")
             if begun:
-                self._waiting.end(*begun[-1], error=failure)
-                self._waiting.put_back(batch)
+                self._end(begun[-1], error=failure)
             else:  # it is not a piece's, and comes again
-                self._go_away(failure)
-                self._waiting.fail(batch, failure)
+                self._fail(batch, failure)
         self._busy_since_s = None
+
+    def _transact(self, batch: Sequence[Piece], begun: list[Piece]) -> list[Any]:
+        """Do the work; on a full disk only what deletes. StoreError."""
+        try:
+            self._open()
+            is_flushed = any(piece.is_flushed for piece in batch)
+            return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
+        except FullError as error:
+            freeing = [piece for piece in batch if piece.is_freeing]
+            if not freeing:
+                raise
+            self._pause(error)
+            return self._file.relieve(self._in_time(freeing, begun))
 
     def _open(self) -> None:
         """See to it that the file is open, and has room; StoreError when it is not now."""
-        if self._file.is_open and not self._trouble:
+        if self._error is None:
             return
         if time.monotonic() < self._retry_s:
-            raise FullError(self._trouble) if self._file.is_open else StoreError(self._trouble)
+            raise self._error.with_traceback(None)
         if not self._file.is_open:
-            if self._prepare is not None:
-                self._prepare()
+            self._prepare()
             self._file.open()
-            self._prepare = None
         self._file.take_reserve()
-        self._trouble = ""
-        self._report(News.OPEN, f"{self._file.path} is open")
+        self._error = None
+        self._on_news(News.OPEN, f"{self._file.path} is open")
 
-    def _attempt(self, batch: Sequence[Piece], begun: list[tuple[Piece, Work]]) -> list[Any]:
-        """Do the work; once more in a new file where the one in use is damaged."""
-        if not batch:
-            return []
-        is_flushed = any(piece.is_flushed for piece in batch)
-        try:
-            return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
-        except DamagedError as error:
-            self._file.replace(error)
-        return self._file.transact(self._in_time(batch, begun), is_flushed=is_flushed)
-
-    def _in_time(self, batch: Sequence[Piece], begun: list[tuple[Piece, Work]]) -> Iterator[Work]:
+    def _in_time(self, batch: Sequence[Piece], begun: list[Piece]) -> Iterator[Work]:
         """Yield the pieces' work until it has taken too long, or something urgent has come meanwhile."""
         until_s = time.monotonic() + BATCH_S
-        had_urgent = self._waiting.urgent
+        urgent = len(self._urgent)
         begun.clear()
         for piece in batch:
-            if begun and (time.monotonic() > until_s or self._waiting.urgent > had_urgent):
+            if begun and (time.monotonic() > until_s or len(self._urgent) > urgent):
                 return
-            work = piece.work
-            begun.append((piece, work))
-            yield work
+            begun.append(piece)
+            yield piece.work
 
-    def _finish(self, begun: Sequence[tuple[Piece, Work]], answers: Sequence[Any]) -> None:
-        for (piece, work), answer in zip(begun, answers, strict=True):
-            self._waiting.end(piece, work, answer)
+    def _end(self, piece: Piece, answer: Any = None, error: StoreError | None = None) -> None:
+        """Note that work is on the disk, or never will be; newer work of its key may have come meanwhile."""
+        with self._lock:
+            is_last = self._remove(piece)
+        if is_last and error is None:
+            piece.future.set_result(answer)
+        elif is_last:
+            piece.future.set_exception(error)
 
-    def _relieve(self, batch: Sequence[Piece], error: FullError) -> None:
-        """Do what deletes although the disk is full; all else fails, or waits."""
-        freeing = [(piece, piece.work) for piece in batch if piece.is_freeing]
-        self._waiting.fail([piece for piece in batch if not piece.is_freeing], error)
-        if freeing:
-            try:
-                self._finish(freeing, self._file.relieve([work for _, work in freeing]))
-            except Exception as failure:
-                if not isinstance(failure, StoreError):
-                    log.exception("store=%s a piece of work failed on a full disk", self._file.path)
-                self._waiting.fail((piece for piece, _ in freeing), _unstorable(failure))
+    def _remove(self, piece: Piece) -> bool:
+        """Let a piece wait no longer; return whether it did."""
+        for pieces in (self._urgent, self._others):
+            if pieces.get(piece.place) is piece:
+                del pieces[piece.place]
+                return True
+        return False
 
-    def _go_away(self, error: StoreError) -> None:
+    def _fail(self, pieces: Iterable[Piece], error: StoreError) -> None:
+        """Note that nothing can be stored now: those that are not lasting have failed."""
+        self._pause(error)
+        for piece in pieces:
+            if not piece.is_lasting:
+                self._end(piece, error=error)
+
+    def _pause(self, error: StoreError) -> None:
         """Begin a pause before the next attempt, unless this error is one that the pause makes."""
         if time.monotonic() < self._retry_s:
             return
-        self._retry_s = time.monotonic() + self._pause_s
-        self._trouble = str(error)
-        if self._reported is not News.AWAY:
-            self._report(News.AWAY, self._trouble)
-
-    def _report(self, news: News, text: str) -> None:
-        self._reported = news
-        self._on_news(news, text)
+        is_news = not self.is_away
+        self._retry_s = time.monotonic() + RETRY_S
+        self._error = error
+        if is_news:
+            self._on_news(News.AWAY, str(error))
 
 
-def _unstorable(error: Exception) -> StoreError:
-    """Return what the caller gets of a failure, which may be a bug."""
-    return (
-        error if isinstance(error, StoreError) else UnstorableError(f"an error inside the gateway: {error!r}")
-    )
+def _ended(future: Future[T], trouble: str) -> Future[T]:
+    future.set_exception(StoreError(trouble))
+    return future

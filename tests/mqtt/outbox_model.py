@@ -23,7 +23,7 @@ from gateway.mqtt.outbox import backlog
 from gateway.mqtt.outbox.backlog import Batch, Bounds
 from gateway.mqtt.outbox.outbox import HELD_AFTER_S, Outbox, Outgoing
 from gateway.store import OutboxRow, OutboxTable, Rank
-from gateway.store.outbox import TABLES
+from gateway.store.schema import STATE
 
 STARTERS, POINTS = 3, 4
 MS = 0.0011  # to which times are published
@@ -259,8 +259,8 @@ class Model:
 
     def _new_disk(self) -> sqlite3.Connection:
         disk = sqlite3.connect(":memory:", isolation_level=None)
-        for sql in TABLES:
-            disk.execute(sql)
+        for step in STATE.steps:
+            step(disk)
         return disk
 
     def _transact(self, work: Callable[[sqlite3.Connection], Any]) -> Any:

@@ -214,7 +214,7 @@ def test_a_page_of_a_table_that_was_lost_meanwhile_takes_nothing_back() -> None:
     box.backlog.recall({Rank.RESULT: Total(1, 300, 0.0, 1.0)}, ())
     box.backlog.lose_table()
     row = OutboxRow(0, Rank.RESULT, "r", b"old", 0.0, "b", "")
-    box.backlog.page(Rank.RESULT, OutboxPage([row], [], 0, is_last=True))
+    box.backlog.page(Rank.RESULT, OutboxPage([row], 0, is_last=True))
     box.put(result("new"), 0.0)
     connect(box)
 

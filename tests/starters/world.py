@@ -45,7 +45,7 @@ from gateway.starters import (
     Tokens,
     polls_of,
 )
-from gateway.store import Documents, Remembered
+from gateway.store import Documents, Journal, Remembered
 from gateway.system.clock import ClockReading, ClockWatch
 from gateway.system.instance_lock import instance_lock
 from gateway.system.stalls import SuspendWatch
@@ -91,7 +91,7 @@ class MemoryDocuments(Documents):
         return True
 
 
-class MemoryJournal:
+class MemoryJournal(Journal):
     """Keeps commands as the ledger does, in memory; it outlives the gateway."""
 
     trouble = ""

@@ -19,7 +19,7 @@ def _create(connection: Connection) -> None:
     connection.execute("CREATE TABLE thing (number INTEGER PRIMARY KEY, text TEXT NOT NULL)")
 
 
-THINGS = Schema("things", 0x7E57, (_create,))  # a table of texts
+THINGS = Schema("things", (_create,))  # a table of texts
 
 
 def insert(text: str) -> Callable[[Connection], None]:
@@ -36,19 +36,19 @@ def texts(connection: Connection) -> list[str]:
 class Keeping:
     """A store with its news, until `close`."""
 
-    def __init__(self, path: Path | None, *, max_bytes: int = 2**20, **options: Any) -> None:
+    def __init__(self, path: Path | None, **options: Any) -> None:
         self.news: list[tuple[News, str]] = []
         self._changed = threading.Condition()
-        self.store = Store(path, THINGS, max_bytes=max_bytes, retry_s=0.02, **options)
+        self.store = Store(path, THINGS, **options)
         self.store.start(self._on_news)
 
     def do(self, work: Callable[[Connection], T]) -> T:
         return self.store.submit(work).result(PATIENCE_S)
 
-    def until(self, news: News) -> str:
-        """Wait until this was reported, and return the text."""
+    def until(self, news: News, *, times: int = 1) -> str:
+        """Wait until this was reported, and return the text of the first time."""
         with self._changed:
-            assert self._changed.wait_for(lambda: news in self.kinds(), PATIENCE_S), self.news
+            assert self._changed.wait_for(lambda: self.kinds().count(news) >= times, PATIENCE_S), self.news
         return next(text for kind, text in self.news if kind is news)
 
     def kinds(self) -> list[News]:

@@ -75,4 +75,4 @@ def test_a_line_that_was_changed_with_its_own_hash_recomputed_breaks_the_next() 
 
     problems = verify(placed(lines), after=Head()).problems
 
-    assert problems == ("line 4: does not follow line 3: something was removed, inserted or exchanged",)
+    assert problems == ["line 4: does not follow line 3: something was removed, inserted or exchanged"]

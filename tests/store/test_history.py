@@ -20,11 +20,11 @@ PATIENCE_S = 10.0
 class OpenHistory:
     """A store with its news."""
 
-    def __init__(self, folder: Path, *, collect_s: float = 0.0) -> None:
+    def __init__(self, folder: Path) -> None:
         self.news: list[News] = []
         self.stored: list[str] = []  # ids
         self._changed = asyncio.Event()
-        self.store = HistoryStore(folder / HISTORY_FILE, retry_s=0.02, collect_s=collect_s)
+        self.store = HistoryStore(folder / HISTORY_FILE)
         self.store.start(self._receive, lambda row: self.stored.append(row.id))
 
     def put(self, id_: str, *, kind: str = "start", starter: str = "p", limit: int = 3, **data: Any) -> None:
@@ -79,8 +79,11 @@ async def test_what_is_lacking_came_after_the_newest_that_is_there(
     assert await opened.store.lacking("p", "start", list(ids)) == list(lacking)
 
 
-async def test_what_is_not_urgent_is_collected_into_one_transaction(tmp_path: Path) -> None:
-    here = OpenHistory(tmp_path, collect_s=3600.0)
+async def test_what_is_not_urgent_is_collected_into_one_transaction(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.store.history.COLLECT_S", 3600.0)
+    here = OpenHistory(tmp_path)
     await here.until(News.OPEN)
     for number in range(100):
         here.store.put(HistoryRow("p", "counters", "now", {"n": number}))

@@ -1,74 +1,56 @@
-"""The outbox's table: rows of this run and of earlier ones, and rows that are damaged."""
+"""The outbox's table: rows of this run and of earlier ones."""
 
 from __future__ import annotations
 
 import sqlite3
+from collections.abc import Iterator
+from contextlib import closing
 
 import pytest
 
-from gateway.store import Loss, OutboxPage, OutboxRow, OutboxTable, Rank
-from gateway.store.outbox import TABLES
+from gateway.errors import DamagedError
+from gateway.store import OutboxPage, OutboxRow, OutboxTable, Rank, Total
+from gateway.store.schema import STATE
 
-BEGINNING = -(2**40)
 
-
-def disk() -> sqlite3.Connection:
-    connection = sqlite3.connect(":memory:")
-    for sql in TABLES:
-        connection.execute(sql)
-    return connection
+@pytest.fixture
+def disk() -> Iterator[sqlite3.Connection]:
+    with closing(sqlite3.connect(":memory:")) as disk:
+        for step in STATE.steps:
+            step(disk)
+        yield disk
 
 
 def event(id_: int, text: str, key: str = "") -> OutboxRow:
-    return OutboxRow(id_, Rank.EVENT, "b/event", text.encode(), 1.0, "run", key)
+    return OutboxRow(id_, Rank.EVENT, "b/event", text.encode(), 1.0 * id_, "run", key)
 
 
-def test_what_is_staged_before_the_table_is_read_was_not_left_by_an_earlier_run() -> None:
-    connection = disk()
-    OutboxTable().insert(connection, [event(1, "a", "old")])
+def test_what_is_staged_before_the_table_is_read_was_not_left_by_an_earlier_run(
+    disk: sqlite3.Connection,
+) -> None:
+    OutboxTable().insert(disk, [event(1, "a", "old"), event(2, "b")])
     table = OutboxTable()
 
-    table.insert(connection, [event(1, "b", "new")])
+    table.insert(disk, [event(1, "c", "new"), event(1, "again")])
 
-    assert table.totals(connection)[Rank.EVENT].rows == 1
-    assert table.keys(connection) == ["old"]
-
-
-@pytest.mark.parametrize(
-    "damage",
-    ["payload = x'00'", "payload = 7", "time_s = 'x'", "time_s = 1e300", "key = 1", "checksum = 'x'"],
-)
-def test_of_a_damaged_row_the_id_alone_is_reported(damage: str) -> None:
-    connection, table = disk(), OutboxTable()
-    table.insert(connection, [event(1, "a"), event(2, "b")])
-
-    connection.execute(f"UPDATE outbox SET {damage} WHERE id = 1")
-    page = table.page(connection, Rank.EVENT, BEGINNING, 100)
-
-    assert page == OutboxPage([event(2, "b")], [1], upto=2, is_last=True)
+    assert table.totals(disk) == {Rank.EVENT: Total(2, sum(event(1, "a").size for _ in "ab"), 1.0, 2.0)}
+    assert table.keys(disk) == ["old"]
+    assert table.payloads(disk, ["old", "new", "none"]) == {"old": b"a", "new": b"c"}
+    rows = [event(1, "a", "old")._replace(id=-1), event(2, "b")._replace(id=0)]
+    assert table.page(disk, Rank.EVENT, -(2**40), 2) == OutboxPage(rows, 0, is_last=False)
+    assert table.page(disk, Rank.EVENT, 0, 2) == OutboxPage([event(1, "c", "new")], 1, is_last=True)
 
 
-@pytest.mark.parametrize("column", ["payload", "time_s", "key"])
-@pytest.mark.parametrize("value", ["7", "'x'", "x'00'", "1e300", "-1e300"])
-def test_what_is_counted_of_earlier_runs_bears_any_damage(column: str, value: str) -> None:
-    connection = disk()
-    OutboxTable().insert(connection, [event(1, "a", "old"), event(2, "b", "old")])
+@pytest.mark.parametrize("damage", ["topic = 'x'", "payload = 7", "time_s = 'x'", "checksum = 'x'"])
+def test_a_message_that_is_not_what_was_stored_is_never_published(
+    disk: sqlite3.Connection, damage: str
+) -> None:
+    table = OutboxTable()
+    table.insert(disk, [event(1, "a", "key"), event(2, "b")])
+    disk.execute(f"UPDATE outbox SET {damage} WHERE id = 1")
 
-    connection.execute(f"UPDATE outbox SET {column} = {value} WHERE id = 1")
-    total = OutboxTable().totals(connection)[Rank.EVENT]
-
-    assert (total.rows, total.last_s) == (2, 7.0 if (column, value) == ("time_s", "7") else 1.0)
-    assert all(isinstance(key, str) for key in OutboxTable().keys(connection))
-
-
-@pytest.mark.parametrize(
-    "damage", ["rank = 9", "rank = 'x'", "rows = 'x'", "first_s = 'x'", "last_s = 1e300"]
-)
-def test_a_damaged_loss_is_left_out(damage: str) -> None:
-    connection, table = disk(), OutboxTable()
-    losses = [Loss("disk_full", rank, 3, 1.0, 2.0) for rank in (Rank.VALUE, Rank.EVENT)]
-    table.set_losses(connection, losses)
-
-    connection.execute(f"UPDATE outbox_losses SET {damage} WHERE rank = 0")
-
-    assert table.losses(connection) == losses[1:]
+    with pytest.raises(DamagedError):
+        table.page(disk, Rank.EVENT, 0, 2)
+    with pytest.raises(DamagedError):
+        table.payloads(disk, ["key"])
+    assert table.page(disk, Rank.EVENT, 1, 2).is_last

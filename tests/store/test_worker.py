@@ -1,87 +1,145 @@
-"""The store on real files: what is stored, in which order, and what is bounded."""
+"""The store on real files: what is stored, in which order, what is bounded, and what a bad disk costs."""
 
 from __future__ import annotations
 
 import os
+import random
+import sqlite3
 import threading
-import time
 from collections.abc import Callable
-from concurrent.futures import Future
+from contextlib import closing, suppress
 from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
 
 from gateway.errors import StoreError
-from gateway.store.database import PAGE_BYTES, SHRUNK_PAGES, Connection, FullError, Reserve
-from gateway.store.worker import News
+from gateway.store import News
+from gateway.store.database import PAGE_BYTES, SHRUNK_PAGES, Connection, Database, FullError, stored_version
 from tests.store.store_rig import PATIENCE_S, Keeping, Make, insert, texts
 
 
-def test_a_bug_in_one_piece_of_work_corrupts_no_other(
-    keeping: Make, caplog: pytest.LogCaptureFixture
-) -> None:
-    one = keeping()
-    gate = threading.Event()
-    one.store.submit(lambda connection: gate.wait(PATIENCE_S))
-    pieces = [one.store.submit(work) for work in (insert("a"), lambda connection: 1 / 0, insert("b"))]
-    bad_sql = one.store.submit(lambda connection: connection.execute("SELECT nonsense"))
-    gate.set()
-
-    for piece in (pieces[1], bad_sql):
-        with pytest.raises(StoreError, match="inside the gateway"):
-            piece.result(PATIENCE_S)
-    assert one.do(texts) == ["a", "b"]
-    assert one.kinds() == [News.OPEN]
-    assert len(caplog.records) == 2
+def full(_: object, *__: object, **___: object) -> None:
+    raise FullError("the disk is full")
 
 
-def held_up(one: Keeping) -> tuple[threading.Event, Future[None]]:
-    """Let its thread be busy until the event is set; return that and the work."""
+def delete(connection: Connection) -> None:
+    connection.execute("DELETE FROM thing")
+
+
+def held_up(one: Keeping) -> threading.Event:
+    """Let its thread be busy until the event is set."""
     gate, busy = threading.Event(), threading.Event()
 
     def hold(connection: Connection) -> None:
         busy.set()
         gate.wait(PATIENCE_S)
 
-    held = one.store.submit(hold)
+    one.store.submit(hold)
     assert busy.wait(PATIENCE_S)
-    return gate, held
+    return gate
 
 
-def test_only_so_much_waits(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.store.waiting.MOST_WAITING", 2)
+def test_a_bug_in_one_piece_of_work_takes_no_other_with_it(
+    keeping: Make, caplog: pytest.LogCaptureFixture
+) -> None:
     one = keeping()
-    one.until(News.OPEN)
-    gate, _ = held_up(one)
-    pieces = [one.store.submit(insert(str(number))) for number in range(3)]
+    gate = held_up(one)
+    bugs = (lambda _: 1 / 0, lambda connection: connection.execute("SELECT nonsense"))
+    bad = [one.store.submit(bug, key=key) for bug in bugs for key in (None, ("thing", f"{bug}"))]
+    for number in range(9):
+        one.store.submit(insert(f"{number}"), key=("thing", f"{number}"))
     gate.set()
 
-    with pytest.raises(StoreError, match="too much is waiting"):
-        pieces[2].result(PATIENCE_S)
-    assert pieces[1].result(PATIENCE_S) is None
+    for piece in bad:
+        with pytest.raises(StoreError, match="inside the gateway"):
+            piece.result(PATIENCE_S)
+    assert "".join(one.do(texts)) == "012345678"
+    assert one.kinds() == [News.OPEN]
+    assert len(caplog.records) == len(bad)
+
+
+def test_what_the_disk_has_missed_is_stored_once_it_is_well_the_newest_of_each_key(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(Database, "transact", full)
+    one = keeping()
+    first, other, newer = (
+        one.store.submit(insert(text), key=("thing", key), is_urgent=text == "c")
+        for text, key in (("a", "1"), ("b", "2"), ("c", "1"))
+    )
+    with pytest.raises(StoreError, match="full"):
+        one.do(insert("without a key"))
+    one.until(News.AWAY)
+    assert one.store.unsaved == 2
+
+    monkeypatch.undo()
+
+    assert [future.result(PATIENCE_S) for future in (first, other, newer)] == [None] * 3
+    assert one.do(texts) == ["c", "b"]
+    assert one.store.unsaved == 0
+
+
+def test_work_that_comes_while_that_of_its_key_is_being_done_is_done_after_it(keeping: Make) -> None:
+    one = keeping()
+    begun, go = threading.Event(), threading.Event()
+
+    def slow(connection: Connection) -> None:
+        insert("older")(connection)
+        begun.set()
+        go.wait(PATIENCE_S)
+
+    older = one.store.submit(slow, key=("thing", "1"))
+    assert begun.wait(PATIENCE_S)
+    one.store.submit(insert("newer"), key=("thing", "1"), within_s=3600.0)
+    go.set()
+    older.result(PATIENCE_S)
+
+    assert one.do(texts) == ["older", "newer"]
+
+
+def test_the_oldest_of_what_is_not_urgent_goes_when_too_much_waits(keeping: Make) -> None:
+    one = keeping(most_lasting=4)
+    gate = held_up(one)
+    one.store.submit(insert("urgent"), key=("thing", "urgent"), is_urgent=True)
+    pieces = [one.store.submit(insert(f"{n}"), key=("thing", f"{n}")) for n in range(5)]
+    gate.set()
+
+    for piece in pieces[:2]:
+        with pytest.raises(StoreError, match="too much is waiting"):
+            piece.result(PATIENCE_S)
+    pieces[-1].result(PATIENCE_S)
+    assert one.do(texts) == ["urgent", "2", "3", "4"]
+
+
+def test_work_that_its_caller_has_given_up_is_not_done(keeping: Make) -> None:
+    one = keeping()
+    gate = held_up(one)
+    pieces = [one.store.submit(insert(text), is_urgent=True) for text in ("a", "b")]
+    assert pieces[0].cancel()
+    gate.set()
+
+    assert one.do(texts) == ["b"]
 
 
 def test_a_disk_that_does_not_answer_counts_as_away(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("gateway.store.worker.HANG_S", 0.0)
     one = keeping()
     one.until(News.OPEN)
-    gate, held = held_up(one)
+    gate = held_up(one)
 
     assert "has not answered" in one.store.trouble
-
+    assert one.store.is_unreadable
     gate.set()
-    held.result(PATIENCE_S)
 
 
 def test_what_is_urgent_is_done_before_a_backlog_and_interrupts_a_batch(keeping: Make) -> None:
-    one = keeping()
-    gate, done = threading.Event(), list[str]()
+    one, done = keeping(), list[str]()
 
     def step(name: str) -> Callable[[Connection], None]:
         return lambda connection: done.append(name)
 
-    one.store.submit(lambda connection: gate.wait(PATIENCE_S))
+    gate = held_up(one)
     one.store.submit(lambda connection: one.store.submit(step("urgent"), is_urgent=True) and None)
     last = [one.store.submit(step(f"{number}")) for number in range(100)][-1]
     gate.set()
@@ -90,108 +148,9 @@ def test_what_is_urgent_is_done_before_a_backlog_and_interrupts_a_batch(keeping:
     assert done == ["urgent", *map(str, range(100))]
 
 
-def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
-    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    one = keeping()
-    one.do(insert("a"))
-    has_room = False
-
-    def write(connection: Connection) -> None:
-        if not has_room:
-            raise FullError("the disk is full")
-
-    monkeypatch.setattr(Reserve, "take", lambda _: has_room)
-    with pytest.raises(StoreError, match="full"):
-        one.do(write)
-    with pytest.raises(StoreError, match="full"):
-        one.do(insert("b"))
-    with pytest.raises(StoreError, match="inside the gateway"):
-        one.store.submit(lambda _: 1 / 0, is_freeing=True).result(PATIENCE_S)
-    freed = one.store.submit(lambda connection: connection.execute("DELETE FROM thing"), is_freeing=True)
-    freed.result(PATIENCE_S)
-    (reserve,) = tmp_path.rglob("*-reserve")
-
-    assert one.kinds() == [News.OPEN, News.AWAY]
-    assert reserve.stat().st_size == 0
-
-    has_room = True
-    while one.store.trouble:
-        pass
-    assert one.do(texts) == []
-    assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]
-
-
-def test_a_full_disk_gets_the_room_back_that_deleting_has_freed(
-    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def fill(connection: Connection) -> None:
-        for _ in range(SHRUNK_PAGES):
-            insert("a" * PAGE_BYTES)(connection)
-
-    def find_it_full(_: Connection) -> None:
-        raise FullError("the disk is full")
-
-    one = keeping()
-    one.do(fill)
-    monkeypatch.setattr(Reserve, "take", lambda _: False)
-    with pytest.raises(StoreError, match="full"):
-        one.do(find_it_full)
-    for _ in range(3):  # so many pages at most are given back each time
-        freed = one.store.submit(lambda connection: connection.execute("DELETE FROM thing"), is_freeing=True)
-        freed.result(PATIENCE_S)
-    (file,) = tmp_path.rglob("*.sqlite")
-
-    assert file.stat().st_size < 10 * PAGE_BYTES
-
-
-def test_a_disk_that_stays_full_is_reported_once(keeping: Make, monkeypatch: pytest.MonkeyPatch) -> None:
-    one = keeping()
-    one.do(insert("a"))
-
-    def write(connection: Connection) -> None:
-        raise FullError("the disk is full")
-
-    monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=200, f_frsize=4096))
-    until_s = time.monotonic() + 0.2  # ten attempts
-    while time.monotonic() < until_s:
-        with pytest.raises(StoreError, match="full"):
-            one.do(write)
-
-    assert one.kinds() == [News.OPEN, News.AWAY]
-
-    monkeypatch.undo()
-    while one.store.trouble:
-        pass
-    assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]
-
-
-def test_what_did_not_fit_on_the_disk_gives_its_room_back(
-    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
-) -> None:
-    def room(_: Path) -> SimpleNamespace:
-        left = 4 * 2**20 - sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
-        return SimpleNamespace(f_bavail=left, f_frsize=1)
-
-    def too_much(connection: Connection) -> None:
-        for _ in range(250):
-            insert("x" * 10_000)(connection)
-        raise FullError("the disk is full")
-
-    monkeypatch.setattr(os, "statvfs", room)
-    one = keeping(max_bytes=2**23)
-    with pytest.raises(StoreError, match="full"):
-        one.do(too_much)
-    until_s = time.monotonic() + PATIENCE_S
-    while one.store.trouble:
-        assert time.monotonic() < until_s
-
-    assert one.do(texts) == []
-
-
 def test_urgent_work_for_which_there_was_no_time_keeps_its_place(keeping: Make) -> None:
     one = keeping()
-    gate, _ = held_up(one)
+    gate = held_up(one)
     begun, go = threading.Event(), threading.Event()
 
     def slow(connection: Connection) -> None:
@@ -206,3 +165,178 @@ def test_urgent_work_for_which_there_was_no_time_keeps_its_place(keeping: Make) 
     go.set()
 
     assert one.do(texts) == ["accepted", "confirmed"]
+
+
+# A disk that is full.
+
+
+def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    one = keeping()
+    one.do(insert("a"))
+    monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=200, f_frsize=4096))
+    for work in (full, insert("b")):
+        with pytest.raises(StoreError, match="full"):
+            one.do(work)
+    with pytest.raises(StoreError, match="inside the gateway"):
+        one.store.submit(lambda _: 1 / 0, is_freeing=True).result(PATIENCE_S)
+    one.store.submit(delete, is_freeing=True).result(PATIENCE_S)
+    (reserve,) = tmp_path.rglob("*-reserve")
+
+    assert one.kinds() == [News.OPEN, News.AWAY]
+    assert reserve.stat().st_size == 0
+    assert not one.store.is_unreadable
+
+    monkeypatch.undo()
+    one.until(News.OPEN, times=2)
+    assert one.do(texts) == []
+    assert one.kinds() == [News.OPEN, News.AWAY, News.OPEN]
+    assert reserve.stat().st_size == 2**20
+
+
+def test_a_full_disk_gets_the_room_back_that_deleting_has_freed(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def fill(connection: Connection) -> None:
+        for _ in range(SHRUNK_PAGES):
+            insert("a" * PAGE_BYTES)(connection)
+
+    one = keeping()
+    one.do(fill)
+    monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=200, f_frsize=4096))
+    with pytest.raises(StoreError, match="full"):
+        one.do(full)
+    for _ in range(3):  # so many pages at most are given back each time
+        one.store.submit(delete, is_freeing=True).result(PATIENCE_S)
+    (file,) = tmp_path.rglob("*.sqlite")
+
+    assert file.stat().st_size < 10 * PAGE_BYTES
+
+
+def test_what_did_not_fit_on_the_disk_gives_its_room_back(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    def room(_: Path) -> SimpleNamespace:
+        left = 4 * 2**20 - sum(path.stat().st_size for path in tmp_path.rglob("*") if path.is_file())
+        return SimpleNamespace(f_bavail=left, f_frsize=1)
+
+    def too_much(connection: Connection) -> None:
+        for _ in range(250):
+            insert("x" * 10_000)(connection)
+        full(connection)
+
+    monkeypatch.setattr(os, "statvfs", room)
+    one = keeping()
+    with pytest.raises(StoreError, match="full"):
+        one.do(too_much)
+    one.until(News.OPEN, times=2)
+
+    assert one.do(texts) == []
+
+
+# A file that is damaged, in use, or of a later version.
+
+
+@pytest.fixture
+def path(tmp_path: Path) -> Path:
+    """A file with 200 rows that was closed in order."""
+    path = tmp_path / "x.sqlite"
+    one = Keeping(path)
+    for number in range(200):
+        one.do(insert(f"{number} {'x' * 100}"))
+    one.close()
+    return path
+
+
+@pytest.mark.parametrize(
+    "sql",
+    [
+        "PRAGMA user_version = 0",
+        "PRAGMA user_version = -1",
+        "DROP TABLE thing",
+        "ALTER TABLE thing RENAME COLUMN text TO other",
+    ],
+)
+def test_a_database_of_another_shape_is_put_aside(keeping: Make, path: Path, sql: str) -> None:
+    with closing(sqlite3.connect(path)) as connection, connection:
+        connection.execute(sql)
+
+    one = keeping(path)
+    one.do(insert("a"))
+
+    assert one.do(texts) == ["a"]
+    assert "put aside as x.sqlite.aside" in one.until(News.LOST)
+
+
+def test_a_file_corrupted_in_any_way_never_prevents_the_start(keeping: Make, path: Path) -> None:
+    dice = random.Random(1)
+    whole = path.read_bytes()
+    for round_ in range(60):
+        corrupted = bytearray(whole)
+        match round_ % 5:
+            case 0:
+                del corrupted[dice.randrange(1, len(corrupted)) :]
+            case 1:
+                for _ in range(dice.choice((1, 10, 1000))):
+                    corrupted[dice.randrange(len(corrupted))] = dice.randrange(256)
+            case 2:
+                begin = dice.randrange(len(corrupted) - 512)
+                corrupted[begin : begin + 512] = bytes(512)
+            case 3:
+                at = dice.choice((*range(60), *range(64, 100)))  # its version may become a later one
+                corrupted[at] ^= 1 << dice.randrange(8)
+            case 4:
+                corrupted[18] = 3  # of no version that SQLite can write [fileformat.html 1.3.4]
+        path.write_bytes(corrupted)
+        Path(f"{path}-wal").write_bytes(dice.randbytes(round_ * 100))
+
+        one = keeping(path)
+        one.do(insert("a"))
+        assert one.do(texts)[-1] == "a"
+        one.close()
+
+    assert {each.name for each in path.parent.glob("*.aside*")} <= {"x.sqlite.aside", "x.sqlite.aside-wal"}
+
+
+def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: Path) -> None:
+    one = keeping(path)
+    lasting = one.store.submit(insert("a"), key=("thing", "1"), within_s=3600.0)
+    one.do(lambda connection: connection.execute("PRAGMA shrink_memory").fetchall())
+    with path.open("r+b") as file:
+        file.seek(4096)
+        file.write(b"\xff" * 4096 * 8)
+    Path(f"{path}-wal").write_bytes(b"")
+    with suppress(StoreError):
+        one.do(texts)
+    one.until(News.LOST)
+    lasting.result(PATIENCE_S)
+
+    one.do(insert("c"))
+    assert one.do(texts)[-1] == "c"
+
+
+def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(
+    keeping: Make, path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("gateway.store.database.LOCKED_WITHIN_S", 0.01)
+    with closing(sqlite3.connect(path, isolation_level=None)) as holder:
+        holder.execute("PRAGMA locking_mode = EXCLUSIVE")
+        holder.execute("INSERT INTO thing (text) VALUES ('a')")
+        second = keeping(path)
+        second.until(News.AWAY)
+    second.until(News.OPEN)
+
+    assert second.do(texts)[-1] == "a"
+    assert not list(path.parent.glob("*.aside*"))
+
+
+def test_a_file_of_a_later_version_is_away_and_stays_as_it_is(keeping: Make, path: Path) -> None:
+    with closing(sqlite3.connect(path)) as connection:
+        connection.execute("PRAGMA user_version = 2")
+
+    one = keeping(path)
+
+    assert "has format 2, and this program knows formats up to 1" in one.until(News.AWAY)
+    assert not list(path.parent.glob("*.aside*"))
+    assert stored_version(path) == 2

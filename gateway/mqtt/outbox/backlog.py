@@ -26,7 +26,7 @@ from gateway.mqtt.outbox.queue import HIGHEST, LOWEST, RankQueue
 from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 
 # Why something was lost:
-MEMORY_FULL, DISK_FULL, STORE_LOST, DAMAGED = "memory_full", "disk_full", "store_lost", "damaged"
+MEMORY_FULL, DISK_FULL, STORE_LOST = "memory_full", "disk_full", "store_lost"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
 MOST_ROWS = 500  # at a time: the intent of a start waits for no more, and the log takes no more room
@@ -255,10 +255,6 @@ class Backlog:
         rows = [row for row in page.rows if row.id not in self._rows and row.id not in self._gone]
         self._rows.update((row.id, row) for row in rows)
         self._bytes += sum(row.size for row in rows)
-        for id_ in page.damaged:
-            queue.lose_beyond(1, 0)  # its size is not known: the last page sets the sum right
-            self._gone[id_] = rank
-            self.losses.add(Loss(DAMAGED, rank, 1, queue.first_s, queue.last_s))
         upto = HIGHEST if page.is_last else page.upto
         queue.bring((row.id for row in rows), upto, page.rows[-1].time_s if page.rows else 0.0)
         if page.is_last:

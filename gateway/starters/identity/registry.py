@@ -39,7 +39,7 @@ class IdentityRegistry:
         self._waiting: dict[str, IdentityMismatch] = {}  # to be accepted
         self._on_accepted: dict[str, Callable[[], None]] = {}
         self._document = (documents or Documents()).open(
-            FINGERPRINTS, KNOWN, lambda: self._known, delay_s=SAVED_TOGETHER_S, is_for_operators=True
+            FINGERPRINTS, KNOWN, lambda: self._known, delay_s=SAVED_TOGETHER_S
         )
         self._known |= self._document.loaded or {}
 

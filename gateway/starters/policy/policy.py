@@ -63,7 +63,7 @@ class Policy:
         self.published_faults = published_faults or PublishedFaults()
         self.watchdogs = watchdogs or KnownWatchdogs()
         self.write_budget = WriteBudget(records, documents)
-        self.document = documents.open(LOCKS, MOTORS, self._stored, is_for_operators=True)
+        self.document = documents.open(LOCKS, MOTORS, self._stored)
         self.clock = records.clock
         self._unsure: set[str] = set()  # starters that may have been locked, as far as anybody knows
         if self.document.loaded is not None:

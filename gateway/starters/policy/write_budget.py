@@ -29,7 +29,7 @@ class WriteBudget:
     def __init__(self, records: RecordWriter, documents: Documents) -> None:
         self._records = records
         self._times: dict[str, deque[float]] = {}
-        self._document = documents.open("writes", WRITES, lambda: self._totals, is_for_operators=True)
+        self._document = documents.open("writes", WRITES, lambda: self._totals)
         self._totals = dict(self._document.loaded or {})
 
     def take(self, starter: str, writes: int, *, now_s: float) -> None:

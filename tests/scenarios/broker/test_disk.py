@@ -3,24 +3,17 @@
 from __future__ import annotations
 
 import asyncio
-import os
 import random
-import re
-import sqlite3
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
-from contextlib import ExitStack, closing
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import pytest
 
-from gateway.mqtt.outbox.backlog import Bounds
-from gateway.mqtt.outbox.outbox import IN_TABLE, Outbox
-from gateway.store import STATE_FILE, Connection, OutboxRow, OutboxTable, Rank, Store
-from tests.lab.torture.of_disk import damage, may_mount, small_disk
+from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
+from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -37,10 +30,9 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, act
 from tests.rig.sites import ALICE, QUICK, SSW07
-from tests.rig.state import fail_disk, heal_disk, with_sql
+from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.broker.support import HEAL, TRIP
 
-OLDEST = "SELECT min(place) FROM outbox WHERE rank = 1"
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
 
 
@@ -173,29 +165,6 @@ DISKS = [
         },
         then={20.0: [event("store_lost"), seen("starter/pump/event", code="fault", times=1)]},
     ),
-]
-
-
-DISKS += [
-    row(
-        f"an outbox with a row whose {damage} declares that row, and all others go out",
-        given=SSW07,
-        at={
-            4.0: "broker down",
-            5.0: TRIP,
-            7.0: HEAL,
-            9.0: ["end", with_sql(f"UPDATE outbox SET {damage} WHERE place = ({OLDEST})"), "start"],
-            12.0: TRIP,
-            14.0: "broker up",
-        },
-        then={
-            20.0: [
-                event("gap", text=re.compile("damaged"), data={"count": 1}),
-                seen("starter/pump/event", code="fault"),
-            ]
-        },
-    )
-    for damage in ("payload = 7", "time_s = 'x'")
 ]
 
 
@@ -336,11 +305,7 @@ class Lives:
             self.wait(2.5)
         self.trips += 1
         step = self.dice.choice(steps)
-        if step == "fail":
-            fail_disk()
-        elif step == "heal":
-            heal_disk()
-        elif step == "kill":
+        if step == "kill":
             self.plant.kill()
             self.plant.start()
             self.wait(2.5)
@@ -349,7 +314,6 @@ class Lives:
             self.wait(0.5)
 
     def end(self) -> None:
-        heal_disk()
         act(self.plant, "broker goes")
         act(self.plant, "broker up")
         self.wait(90.0)
@@ -367,14 +331,6 @@ class Lives:
             if item["point"] == "current"
         ]
         return self.values - {each["value"] / AMPS for each in live + late if each["value"] is not None}
-
-    def lost(self) -> Counter[str]:
-        """Return how much was declared lost, by kind."""
-        lost: Counter[str] = Counter()
-        for each in self.plant.messages("gateway/event"):
-            for one in each.json["data"].get("lost", ()) if each.json["code"] == "gap" else ():
-                lost[one["kind"]] += one["count"]
-        return lost
 
     def check_order(self) -> None:
         """Each run's events and values come in their order."""
@@ -416,61 +372,16 @@ def test_over_outages_and_kills_everything_comes_once_and_in_order(seed: int) ->
 
         assert lives.faults() == lives.trips
         assert lives.missing_values() == set()
-        assert lives.lost() == Counter()
+        assert "gap" not in plant.events()
         lives.check_order()
         assert plant.last("gateway/outbox")["oldest_s"] < 1.0
-
-
-@pytest.mark.usefixtures("small_windows")
-@pytest.mark.parametrize("seed", range(4))
-def test_on_a_disk_that_fails_now_and_then_everything_comes_as_long_as_the_process_lives(seed: int) -> None:
-    with RigPlant(SSW07, seed=seed) as plant:
-        plant.run(until=4.0)
-        lives = Lives(plant, random.Random(seed))
-        for _ in range(20):
-            lives.step(*AROUND, "fail", "heal")
-        lives.end()
-
-        assert lives.faults() == lives.trips
-        assert lives.missing_values() == set()
-        assert lives.lost() == Counter()
-
-
-def long_outage(monkeypatch: pytest.MonkeyPatch, table: Bounds) -> tuple[Counter[str], set[int], int]:
-    """Return what was declared lost of an outage that ended with a kill, which values, and all events."""
-    monkeypatch.setattr("gateway.app.uplink.Outbox", partial(Outbox, table=table))
-    with RigPlant(SSW07) as plant:
-        plant.run(until=4.0)
-        lives = Lives(plant, random.Random(1))
-        for step in ("broker down", *["broker down"] * 30, "kill"):
-            lives.step(step)
-        lives.end()
-        events = [each for each in plant.messages("#") if each.topic.endswith("/event")]
-        published = {each.payload for each in events if each.json["code"] != "gap"}
-        return lives.lost(), lives.missing_values(), len(published)
-
-
-@pytest.mark.usefixtures("small_windows")
-def test_what_no_room_is_left_for_is_declared_the_oldest_values_first(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    nothing, none, all_events = long_outage(monkeypatch, IN_TABLE)
-    assert (nothing, none) == (Counter(), set())
-
-    for table in (Bounds(60, 10**6), Bounds(150, 10**6), Bounds(10**6, 140_000)):
-        lost, missing, events = long_outage(monkeypatch, table)
-
-        assert events + lost["event"] == all_events, "what is lost is declared, and no more"
-        assert lost["value"] > len(missing) > 0
-        assert missing == set(range(min(missing), max(missing) + 1)), "the oldest go"
-        assert lost["result"] == 0
 
 
 @pytest.mark.usefixtures("small_windows")
 def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("gateway.store.state.Store", partial(Store, max_bytes=60 * 4096))
+    monkeypatch.setattr("gateway.store.worker.MAX_BYTES", 60 * 4096)
     with RigPlant(SSW07, seed=1) as plant:
         plant.run(until=4.0)
         lives = Lives(plant, random.Random(1))
@@ -482,39 +393,7 @@ def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
         assert plant.events()[-1] == "store_available"
         assert lives.faults() == lives.trips
         assert lives.missing_values() == set()
-        assert lives.lost() == Counter()
         assert plant.last("gateway/outbox")["oldest_s"] < 1.0
-
-
-@pytest.mark.usefixtures("small_windows")
-def test_what_was_lost_on_a_full_disk_leaves_it_when_the_broker_is_back(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    if not may_mount():
-        pytest.skip("only root can mount a small disk")
-    monkeypatch.setattr("tests.lab.torture.of_disk.DISK_BYTES", 4 * 2**20)
-    monkeypatch.setattr("gateway.app.uplink.Outbox", partial(Outbox, memory=Bounds(60, 10**6)))
-    disk = ExitStack()
-
-    def mount(plant: RigPlant) -> None:
-        disk.enter_context(small_disk(plant.folder / "state"))
-
-    with RigPlant(SSW07, before=mount) as plant, disk:
-        state = plant.folder / "state"
-        plant.run(until=4.0)
-        lives = Lives(plant, random.Random(1))
-        lives.step("broker down")
-        room = os.statvfs(state)
-        (state / "ballast").write_bytes(bytes(room.f_bavail * room.f_frsize - 2**17))
-        for _ in range(100):
-            lives.step("broker down")
-        lives.end()
-        with closing(sqlite3.connect(state / STATE_FILE)) as connection:
-            left = connection.execute("SELECT count(*) FROM outbox").fetchone()
-
-        assert lives.lost()["value"] > 0
-        assert left == (0,)
-        plant.end()
 
 
 def test_with_a_broker_no_value_and_no_event_is_written_to_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -364,12 +364,6 @@ AUDIT = [
         at={3.0: command("pump/alice/start"), 6.0: "end"},
         then={6.0: _cut_off},
     ),
-    ended(
-        "an anchor that cannot be read is a problem",
-        SSW07,
-        cli("audit verify CONFIG", code=1, out="before its first line cannot be read"),
-        then=[with_sql("INSERT INTO audit VALUES (0, 'nonsense', 0)")],
-    ),
     *(
         ended(
             f"what is no entry is shown as such: {text}",
