@@ -37,7 +37,7 @@ def may_mount() -> bool:
 
 
 async def full(w: World, seconds: int) -> None:
-    """Not a byte is left. What fits into the pages that a file has already is still stored: these go first."""
+    """Not a byte is left, after what fits into pages that the files have already."""
     await w.start("pump")
     ballast = w.state_dir / "ballast"
     with ballast.open("wb", buffering=0) as file, suppress(OSError):
