@@ -92,8 +92,11 @@ class KitSettings(BaseModel):
         return self.model_copy(update=given)
 
     def central_address(self) -> str:
-        """Return host:port of the central broker."""
-        return self.bridge if ":" in self.bridge else f"{self.bridge}:{_DEFAULT_PORT}"
+        """Return host:port of the central broker; UsageError for a port that cannot be."""
+        host, _, port = self.bridge.partition(":")
+        if not 0 < int(port or _DEFAULT_PORT) < 65536:
+            raise UsageError(f"--bridge {self.bridge!r} is no HOST[:PORT] (a port is 1 to 65535)")
+        return f"{host}:{port or _DEFAULT_PORT}"
 
     def central_base(self, config: Config) -> str:
         """Return the base of this gateway's topics at the central broker; empty without a bridge."""
