@@ -82,13 +82,8 @@ def test_a_file_of_the_configuration_comes_before_the_credential(tmp_path: Path)
     )
 
 
-def test_a_credential_that_cannot_be_reached_is_an_error_with_a_remedy(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    def denied(*_: object, **__: object) -> None:
-        raise PermissionError(13, "Permission denied")
+def test_a_credential_that_cannot_be_read_is_an_error_with_a_remedy(tmp_path: Path) -> None:
+    (tmp_path / "mqtt.password").mkdir()
 
-    monkeypatch.setattr(Path, "stat", denied)
-
-    with pytest.raises(ConfigError, match=r"Permission denied \(see LoadCredential= of the unit\)"):
+    with pytest.raises(ConfigError, match=r"Is a directory \(create it, mode 0600, the gateway's own\)"):
         secret_of("mqtt", site(), "/nowhere", {"CREDENTIALS_DIRECTORY": os.fspath(tmp_path)})
