@@ -196,7 +196,7 @@ READS = [  # what is read freshly, and demanded of it
     ("ssw07", "read P003 p002 P003", "h2*2=P002,P003", ""),
     ("ssw07", "read P002 P003 P004 P005", "h2*2=P002,P003 h4*1=P004 h5*1=P005", ""),  # not vouched for: alone
     ("ssw07", "set P314=5", "h314*1=P314", ""),
-    ("ssw900", "set C8.2.5.1=2", "h734*1=C8.2.5.3 h740*1=C8.2.5.1", ""),
+    ("ssw900", "set C8.2.5.1=2", "h734*7=C8.2.5.3,C8.2.5.1", ""),
     ("ssw900", "set C8.2.5.3=5.0 C8.1.1.5=680", None, "is_stopped"),  # one Stopped row among others
     ("ssw900", "set C8.2.5.3=5.0 C11.3.1=1", None, ""),
     ("ssw900", "set C8.1.1.5=680", "h680*1=S5.1.1 h1300*1=C8.1.1.5", "is_stopped"),
