@@ -253,26 +253,18 @@ def test_a_refused_read_is_halved_down_to_its_rows() -> None:
     assert halves(profile, first) == ()
 
 
-@pytest.mark.parametrize(
-    ("family", "code", "expected"),
-    [
-        ("ssw07", "P314", (True, True)),
-        ("ssw07", "P003", (False, False)),
-        ("ssw07", "VB08", (False, False)),
-        ("ssw900", "C3.1", (True, True)),
-        ("ssw900", "S5.3.1", (False, False)),
-        ("ssw900", "S5.2.5", (False, False)),
-        ("ssw900", "C8.1.1.5", (True, True)),
-        ("ssw900", "C11.3.1", (True, False)),
-        ("ssw900", "C6.3.1", (False, False)),
-        ("sst", "R41", (True, True)),
-        ("sst", "COIL1", (False, False)),
-    ],
-)
-def test_settings_are_distinguished_from_readings_outputs_and_commands(
-    family: str, code: str, expected: tuple[bool, bool]
-) -> None:
-    profile = load_profile(family)
-    row = profile.parameters[code]
+SETTINGS = {  # 2: a parameter that people set; 1: one that also changes by itself; 0: a reading or an output
+    "ssw07": {"P314": 2, "P003": 0, "VB08": 0},
+    "ssw900": {"C3.1": 2, "C8.1.1.5": 2, "C11.3.1": 1, "C6.3.1": 0, "S5.3.1": 0, "S5.2.5": 0},
+    "sst": {"R41": 2, "COIL1": 0},
+}
 
-    assert (is_setting(profile, row), is_set_by_people(profile, row)) == expected
+
+@pytest.mark.parametrize("family", SETTINGS)
+def test_settings_are_distinguished_from_readings_outputs_and_commands(family: str) -> None:
+    profile = load_profile(family)
+    rows = {code: profile.parameters[code] for code in SETTINGS[family]}
+
+    found = {code: is_setting(profile, row) + is_set_by_people(profile, row) for code, row in rows.items()}
+
+    assert found == SETTINGS[family]

@@ -78,6 +78,10 @@ WRITES = [  # each verb as it is, on the wire: tests/scenarios/commands/test_ver
     ("ssw900", "set C8.2.5.1=0", "C8.2.5.1=1", "740:0000"),
     ("ssw900", "set C8.2.5.3=0.0", "C8.2.5.1=0 C8.2.5.3=50", "734:0000"),
     ("ssw900", "set C8.2.5.3=5.0", "C8.2.5.1=1", "734:0032"),
+    # a text in the byte order in which it was read, which no manual states
+    ("ssw900", "set C8.6.3=Pump", "C8.6.3=0x4661,0x6E00,0,0,0,0,0,0", "808:5075,6D70" + ",0000" * 6),
+    ("ssw900", "set C8.6.3=Pump", "C8.6.3=0x6146,0x006E,0,0,0,0,0,0", "808:7550,706D" + ",0000" * 6),
+    ("ssw900", "set S5.6.2=1", "S5.6.2=0", "693:0001"),  # aborts a start-up
 ]
 
 
@@ -86,6 +90,7 @@ def test_a_command_writes(family: str, text: str, known: str, expected: str) -> 
     assert writes(family, text, known) == expected
 
 
+CLOCK = "set C6.3.1=2026-12-31T23:59:58"
 STARTING = "running=0 reversing=0 s5_1_1_3=0 s5_1_1_12=0"  # and not about to start, of an SSW900
 MET = [  # a command, what is seen afterwards, whether it counts as done
     *[
@@ -149,6 +154,22 @@ MET = [  # a command, what is seen afterwards, whether it counts as done
     ("ssw06", "output RL2=True", "VB08=0", "VB08=5", False),
     ("ssw06", "output AO1=50", "", "VB09=8191", True),
     ("ssw06", "output AO1=50", "", "VB09=8190", False),
+    *[  # a clock goes on, in the byte order in which it was read
+        ("ssw900", CLOCK, f"C6.3.1={before}", f"C6.3.1={after}", is_met)
+        for before, written, later in (
+            ("0x1E00,0x1605,11,2026", "0x3B3A,0x1F17,12,2026", "0,0x0100,1,2027"),
+            ("0x001E,0x0516,0x0B00,0xEA07", "0x3A3B,0x171F,0x0C00,0xEA07", "0,0x0001,0x0100,0xEB07"),
+        )
+        for after, is_met in ((written, True), (later, True), (before, False))
+    ],
+    (
+        "ssw900",
+        "set S5.6.2=1",
+        "S5.6.2=0",
+        "S5.6.1=1 " + STARTING,
+        True,
+    ),  # aborts a start-up: seen by the status
+    ("ssw900", "set S5.6.2=1", "S5.6.2=0", "S5.6.1=4 " + STARTING, False),
     ("ssw07", "set P314=5", "P314=0", "P314=5", True),
     ("ssw07", "set P314=5", "P314=0", "P314=0", False),
     ("ssw07", "set P314=5", "P314=0", "", False),
@@ -186,6 +207,7 @@ READS = [  # what is read freshly, and demanded of it
     ("ssw900", "set C8.2.5.1=2", "h734*7=C8.2.5.3,C8.2.5.1", ""),
     ("ssw900", "set C8.2.5.3=5.0 C8.1.1.5=680", None, "is_stopped"),  # one Stopped row among others
     ("ssw900", "set C8.2.5.3=5.0 C11.3.1=1", None, ""),
+    ("ssw900", "set S5.6.2=1", None, "is_stopped"),
     ("ssw900", "set C8.1.1.5=680", "h680*1=S5.1.1 h1300*1=C8.1.1.5", "is_stopped"),
     *[("ssw07", f"set {code}=1", None, "is_stopped") for code in ("P220", "P229", "P230")],
 ]
@@ -424,6 +446,7 @@ SUBJECTS = [  # what the result names, and how much non-volatile memory wears
     ("ssw07", "set P314=30 P313=1", "P314=30 P313=0", "P314 P313", 1),
     ("ssw06", "set VB08=1", "", "", 0),
     ("ssw900", "set S5.3.1=1", "", "", 0),
+    ("ssw900", "set S5.6.2=1", "S5.6.2=0", "", 0),
     ("ssw06", "set P314=1", "", "", 1),
     ("sst", "set R41=30 R33=2.0", "R41=0 R33=0 " + REST_SST, "R41 R33", 1),
 ]
