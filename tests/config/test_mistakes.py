@@ -52,6 +52,9 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
 [homeassistant]\ncommands = true | line 29: homeassistant.commands: needs operator beside it
 [homeassistant]\nbirth_topic = "starters/mcc1/command/pump-1/alice/start"
     | line 29: homeassistant.birth_topic: lies among the gateway's own topics
+[mqtt] => [homeassistant]\n[mqtt]\nbase = "homeassistant/device/sg_{gateway}"
+    | line 4: homeassistant.discovery_prefix: lies among the gateway's own topics (a topic outside 'homeassist
+[mqtt] => [homeassistant]\n[mqtt]\nbase = "homeassistant" | line 4: homeassistant.discovery_prefix: lies among
 [homeassistant]\ndiscovery_prefix = "spBv1.0"
     | line 29: homeassistant.discovery_prefix: lies among Sparkplug's topics
 [homeassistant]\ndiscovery_prefix = "ha"\nbirth_topic = "ha/device/sg_other/config"
@@ -241,17 +244,6 @@ def test_a_wrong_key_does_not_hide_what_breaks_a_rule_across_tables(
 
     _, *others = sorted(caught.value.problems, key=lambda each: each.key in also)
     assert [each.key for each in others] == also
-
-
-@pytest.mark.parametrize("base", ["homeassistant", "homeassistant/x", "homeassistant/device/sg_{gateway}"])
-def test_a_base_among_the_topics_of_discovery_is_refused_also_by_the_default_prefix(base: str) -> None:
-    site = changed(("[mqtt]\n", f'[mqtt]\nbase = "{base}"\n'))
-
-    with pytest.raises(ConfigError, match="lies among") as caught:
-        parse(f"{site}[homeassistant]\n", "site.toml")
-
-    assert [each.key for each in caught.value.problems] == ["homeassistant.discovery_prefix"]
-    parse(site, "site.toml")  # without the table it is a base like any other
 
 
 def test_a_password_in_place_of_its_line_is_not_shown() -> None:
