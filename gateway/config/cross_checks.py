@@ -89,7 +89,7 @@ def _alike(document: Document, families: _Families) -> Iterator[Mistake]:
             if type(value) not in (str, int):
                 continue
             scope = key[1] if key[-1] == "address" else families.get(key[:2])
-            compared = scope, posixpath.normpath(value) if isinstance(value, str) else value
+            compared = scope, posixpath.normpath(str(value)) if key[-1] == "port" else value
             if compared in seen:
                 yield Mistake(key, f"{short(value)} is also {spell(seen[compared])}", hint)
             seen.setdefault(compared, key)

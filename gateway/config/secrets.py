@@ -39,7 +39,7 @@ def secret_of(table: str, config: Config, folder: str | Path, environ: Mapping[s
         return None
     if file := getattr(owner, key):
         return password_in(Path(folder) / file, key=f"{table}.{key}")
-    handed_on = Path(environ.get("CREDENTIALS_DIRECTORY", os.devnull), credential)
+    handed_on = Path(environ.get("CREDENTIALS_DIRECTORY") or os.devnull, credential)
     # systemd leaves out a credential that the unit does not load; one that is there must be usable.
     if handed_on.exists():
         return _first_line(handed_on, credential)

@@ -18,12 +18,10 @@ from gateway.families.reading import (
     LEAST_DELAY_S,
     Block,
     bulk_reads,
-    halves,
     is_set_by_people,
     is_setting,
     plan_blocks,
     readable_codes,
-    split,
 )
 from gateway.modbus.timing import Framing, LineTiming
 from tests.families.notation import rows, shown
@@ -217,17 +215,6 @@ def test_each_row_that_is_asked_for_is_read_once_and_often_enough(data: st.DataO
             assert row.is_sure or family != "ssw900" or count(block) <= 2
 
 
-def test_a_refused_block_is_split_into_its_rows() -> None:
-    (block,) = plan_blocks(polling("ssw900", {"S1.1.4", "S1.6.2"}), UNKNOWN)
-
-    parts = split(block)
-
-    assert shown(block.request) == "h17*9"
-    assert [shown(part.request) for part in parts] == ["h17*1", "h24*2"]
-    assert {part.group for part in parts} == {block.group}
-    assert split(parts[1]) == (parts[1],)
-
-
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> None:
     profile = load_profile(family)
@@ -241,16 +228,6 @@ def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> N
     longest = max(profile.limits.read_registers, profile.limits.read_bits)
     assert all(int(each.request.count) <= longest for each in reads)  # type: ignore[attr-defined]  # all are runs
     assert all(not each.request.is_write for each in reads)
-
-
-def test_a_refused_read_is_halved_down_to_its_rows() -> None:
-    profile = load_profile("ssw06")
-    (read,) = bulk_reads(profile, ["P030", "P031", "P032"])
-
-    first, second = halves(profile, read)
-
-    assert (first.codes, second.codes) == (("P030",), ("P031", "P032"))
-    assert halves(profile, first) == ()
 
 
 SETTINGS = {  # 2: a parameter that people set; 1: one that also changes by itself; 0: a reading or an output
