@@ -48,7 +48,7 @@ def test_the_oldest_lines_go_and_what_is_left_is_one_chain(monkeypatch: pytest.M
 
 
 async def test_entries_that_are_too_many_are_counted_once_something_can_be_stored() -> None:
-    store = Store(None, STATE, most_lasting=3)
+    store = Store(None, STATE, most_waiting=3)
     audit = Audit(store, boot="b")
     for number in range(7):
         audit.note("x", f"{number}")

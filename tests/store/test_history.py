@@ -66,19 +66,6 @@ async def test_a_row_of_the_same_id_takes_the_place_of_the_one_before(opened: Op
     ]
 
 
-@pytest.mark.parametrize(
-    ("ids", "lacking"),
-    [("", ""), ("ab", "ab"), ("a6", ""), ("6789", ""), ("678ab", "ab"), ("a8b", "b"), ("6", "6")],
-)
-async def test_what_is_lacking_came_after_the_newest_that_is_there(
-    opened: OpenHistory, ids: str, lacking: str
-) -> None:
-    for number in range(10):
-        opened.put(str(number), limit=4 if ids != "6" else 3)
-
-    assert await opened.store.lacking("p", "start", list(ids)) == list(lacking)
-
-
 async def test_what_is_not_urgent_is_collected_into_one_transaction(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -109,7 +96,7 @@ async def test_while_the_disk_is_away_rows_wait_in_bounded_memory_in_their_order
     assert here.stored == []
 
     folder.unlink()
-    await here.until(News.OPEN)
+    await here.until(News.BACK)
 
     assert await here.ids(kind="chosen") == ["20"]
     # The copy counts too.

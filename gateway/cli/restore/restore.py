@@ -185,7 +185,6 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
     if to is not None:  # below that folder, whatever the configuration says
         state_dir = Path(os.path.normpath(state_dir))
         state_dir = state_dir if state_dir.is_relative_to(folder) else folder / STATE
-    backup.refuse_newer(state_dir, facts.state)
     places = {name.removeprefix(f"{CONFIG}/"): name for name in configured}
     return _Place(config, folder / facts.config, folder, state_dir, places, state)
 
