@@ -12,12 +12,6 @@ from hypothesis import strategies as st
 
 from gateway.store.chain import Head, canonical, link, read_line, verify
 
-JSON = st.recursive(
-    st.none() | st.booleans() | st.integers() | st.floats() | st.text(),
-    lambda inner: st.lists(inner, max_size=3) | st.dictionaries(st.text(max_size=5), inner, max_size=3),
-    max_leaves=8,
-)
-
 
 class Colour(enum.StrEnum):
     RED = "red"

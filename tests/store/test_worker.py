@@ -148,25 +148,6 @@ def test_what_is_urgent_is_done_before_a_backlog_and_interrupts_a_batch(keeping:
     assert done == ["urgent", *map(str, range(100))]
 
 
-def test_urgent_work_for_which_there_was_no_time_keeps_its_place(keeping: Make) -> None:
-    one = keeping()
-    gate = held_up(one)
-    begun, go = threading.Event(), threading.Event()
-
-    def slow(connection: Connection) -> None:
-        begun.set()
-        go.wait(PATIENCE_S)
-
-    one.store.submit(slow, is_urgent=True)
-    one.store.submit(insert("accepted"), is_urgent=True)
-    gate.set()
-    assert begun.wait(PATIENCE_S)
-    one.store.submit(insert("confirmed"), is_urgent=True)
-    go.set()
-
-    assert one.do(texts) == ["accepted", "confirmed"]
-
-
 # A disk that is full.
 
 
