@@ -27,12 +27,11 @@ from gateway.errors import DamagedError, NewerError, StoreError
 from gateway.store.database import copy_file, stored_version, translated, write_file
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
+from gateway.system.instance_lock import FILE
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
-LOCK_FILE = "gateway.lock"
-
 # Also SQLite's journals, the reserve, and new and damaged files.
-OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, LOCK_FILE)))})([.-].*)?")
+OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, FILE)))})([.-].*)?")
 
 FORMAT = 1
 MANIFEST = "manifest.json"

@@ -159,7 +159,7 @@ class _Place:
     def old_state(self) -> list[Path]:
         """Return what a restore replaces in the state directory: a gateway's own files."""
         paths = backup.own_files(self.state_dir) if self.state_dir.is_dir() else ()
-        return sorted(path for path in paths if not path.name.startswith(backup.LOCK_FILE))
+        return sorted(path for path in paths if not path.name.startswith(FILE))
 
     def in_the_way(self) -> Iterator[Path]:
         """Yield what is there already."""

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import random
 from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future
@@ -12,7 +11,6 @@ from typing import Any
 import pytest
 
 from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
-from tests.lab.torture.of_disk import damage
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -333,34 +331,3 @@ def test_with_a_broker_no_value_and_no_event_is_written_to_the_disk(monkeypatch:
         assert len(plant.messages("starter/pump/value/current")) > 20
         assert "fault" in plant.events("starter/pump/event")
         assert written.keys() == {Rank.RESULT}  # the trip
-
-
-@pytest.mark.parametrize("seed", range(12))
-def test_damaged_files_prevent_no_start_and_make_no_nonsense(seed: int) -> None:
-    dice = random.Random(seed)
-    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}, seed=seed) as plant:
-        plant.run(until=3.0)
-        plant.command("pump/alice/start")
-        plant.run(until=6.0)
-        act(plant, "broker down")
-        for at_s in (8.0, 10.0, 12.0):
-            act(plant, f"pump P003 = {int(at_s)}")
-            act(plant, TRIP if at_s != 10.0 else HEAL)
-            plant.run(until=at_s)
-        boot = plant.messages("gateway/status")[-1].json["boot"]
-        plant.kill()
-        for path in sorted(each for each in (plant.folder / "state").rglob("*") if each.is_file()):
-            damage(path, dice)
-        act(plant, "broker up")
-        plant.start()
-        plant.run(until=20.0)
-        plant.command("pump/alice/stop")
-        plant.run(until=23.0)
-
-        assert plant.last("gateway/status")["state"] == "online"
-        assert plant.results()[-1] == "stop confirmed ok"
-        assert plant.starter("pump").writes[-1][1] == STOP
-        old = [each for each in plant.messages("starter/pump/event") if each.json["boot"] == boot]
-        assert len({each.payload for each in old}) <= 5
-        items = [item for each in plant.messages("starter/pump/history") for item in each.json["items"]]
-        assert {item["point"] for item in items} <= set(plant.last("starter/pump/info")["points"])
