@@ -36,7 +36,6 @@ OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, FILE)))})([.-].*)
 FORMAT = 1
 MANIFEST = "manifest.json"
 PACKING = 1  # gzip's fastest: an upgrade makes a backup while the starters wait
-CHUNK_BYTES = 2**20
 
 
 class Manifest(BaseModel):
@@ -80,7 +79,7 @@ class Archive(NamedTuple):
         """Write the content of a file to a new one, for its owner alone; it is on the disk then. OSError."""
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with open(path, "wb", opener=_fresh) as file:
-            shutil.copyfileobj(_opened(self.tar, self.tar.getmember(name)), file, CHUNK_BYTES)
+            shutil.copyfileobj(_opened(self.tar, self.tar.getmember(name)), file)
             file.flush()
             os.fsync(file.fileno())
 

@@ -123,13 +123,12 @@ class Journal:
         self, key: Key, result: ResultRecord, *, is_urgent: bool, is_published: bool = False
     ) -> Future[Any]:
         """Store a phase; a final one with the outbox's row, which one that is published has already."""
-        if not result.phase.is_final:
-            work: Work = partial(_put, row=_row(key, result))
-        elif result.id:
-            also = None if is_published else self.row_of(result)
+        is_final = result.phase.is_final
+        if is_final and not result.id:  # it cannot be repeated; a crash must not find it under way
+            work: Work = partial(_forget, key=key)
+        else:
+            also = self.row_of(result) if is_final and not is_published else None
             work = partial(_put, row=_row(key, result), also=also)
-        else:  # it cannot be repeated; a crash must not find it under way
-            work = partial(_forget, key=key)
         within_s = 0.0 if is_urgent else BEHIND_S
         return self._store.submit(work, key=("commands", *key), is_urgent=is_urgent, within_s=within_s)
 

@@ -178,8 +178,8 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
     known = {own, *(name_in_backup(before, path) for path in files_of(config))}
     state = {name.removeprefix(f"{STATE}/"): name for name in facts.files if name.startswith(f"{STATE}/")}
     configured = [name for name in facts.files if name not in state.values()]
-    foreign = [*(name for name in configured if name not in known), *filter(_is_foreign, state)]
-    if foreign:
+    foreign = [name for name in configured if name not in known]
+    if foreign := foreign + [name for name in state if not backup.is_state_name(name)]:
         raise DamagedError(f"the backup holds {foreign[0]}, which its configuration does not name")
     state_dir = folder / config.gateway.state_dir
     if to is not None:  # below that folder, whatever the configuration says
@@ -187,10 +187,6 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
         state_dir = state_dir if state_dir.is_relative_to(folder) else folder / STATE
     places = {name.removeprefix(f"{CONFIG}/"): name for name in configured}
     return _Place(config, folder / facts.config, folder, state_dir, places, state)
-
-
-def _is_foreign(name: str) -> bool:
-    return not backup.is_state_name(name)
 
 
 def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:
