@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, by_name, gateway_login
 from gateway.cli.broker_kit.rights import Login, Role, remote_clients
 from gateway.config import Config, is_loopback
+from gateway.errors import UsageError
 
 LOOPBACK_PORT = 18883  # of the edge's broker, for the bridge: TLS would gain nothing there
 BRIDGE_PORT = 18884  # of the bridge itself; no login may use it

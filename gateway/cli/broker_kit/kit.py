@@ -137,9 +137,9 @@ def _replaced(folder: Path) -> Iterator[Path]:
                 path.chmod(0o644 if str(path.relative_to(stage)) in _PUBLIC else 0o600)
         # One by one, the mark of a kit at last: at a kill each file is the old or the new one.
         new = sorted(path.relative_to(stage) for path in stage.rglob("*") if path.is_file())
-        for name in sorted(new, key=lambda name: str(name) == SETTINGS):
-            (folder / name).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
-            (stage / name).replace(folder / name)
+        for path in sorted(new, key=lambda path: str(path) == SETTINGS):
+            (folder / path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            (stage / path).replace(folder / path)
         for old in [each for part in _PARTS for each in (folder / part, *(folder / part).rglob("*"))]:
             if not old.is_dir() and old.relative_to(folder) not in new:
                 old.unlink(missing_ok=True)

@@ -17,7 +17,8 @@ SETTINGS = "kit.json"  # a folder with this file is a kit
 LOGIN_NAME = r"(?!\.+(=|$))[A-Za-z0-9_.@-]{1,64}"  # also the name of a file
 
 _HOST = r"(\*\.)?[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*"
-_CENTRAL = r"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:[1-9][0-9]{0,4})?"
+_PORT = r"([1-9][0-9]{0,3}|[1-5][0-9]{4}|6[0-4][0-9]{3}|65[0-4][0-9]{2}|655[0-2][0-9]|6553[0-5])"
+_CENTRAL = rf"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:{_PORT})?"
 _LEVEL = r"([A-Za-z0-9_.-]|\{gateway\})+"
 _DEFAULT_PORT = 8883
 
@@ -92,11 +93,8 @@ class KitSettings(BaseModel):
         return self.model_copy(update=given)
 
     def central_address(self) -> str:
-        """Return host:port of the central broker; UsageError for a port that cannot be."""
-        host, _, port = self.bridge.partition(":")
-        if not 0 < int(port or _DEFAULT_PORT) < 65536:
-            raise UsageError(f"--bridge {self.bridge!r} is no HOST[:PORT] (a port is 1 to 65535)")
-        return f"{host}:{port or _DEFAULT_PORT}"
+        """Return host:port of the central broker."""
+        return self.bridge if ":" in self.bridge else f"{self.bridge}:{_DEFAULT_PORT}"
 
     def central_base(self, config: Config) -> str:
         """Return the base of this gateway's topics at the central broker; empty without a bridge."""
