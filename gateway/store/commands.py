@@ -160,7 +160,7 @@ class Journal:
 
     def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Have the commands of earlier runs read, once, before any of this run is written."""
-        done = self._store.submit(_read, key=("commands",), is_urgent=True)
+        done = self._store.submit(_read, key=("recall",), is_urgent=True)
         done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
 
     def _recall(

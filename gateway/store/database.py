@@ -123,11 +123,14 @@ class Database:
         """
         self._shrink()
         if self._reserve is not None:
-            with translated(self.path), open(self._reserve, "ab", opener=private) as file:
-                disk, held = os.statvfs(self._reserve), os.fstat(file.fileno()).st_size
+            with translated(self.path):
+                held = self._reserve.stat().st_size if self._reserve.exists() else 0
+                disk = os.statvfs(self.path.parent)
                 if disk.f_bavail * disk.f_frsize < 2 * RESERVE_BYTES - held:
                     raise FullError(f"{self.path}: the disk is full")
-                os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
+                if held < RESERVE_BYTES:
+                    with open(self._reserve, "wb", opener=private) as file:
+                        os.posix_fallocate(file.fileno(), 0, RESERVE_BYTES)
 
     def relieve(self, works: Iterable[Work]) -> list[Any]:
         """Do work that deletes, by means of the reserve: the disk is full, and deleting needs room too.

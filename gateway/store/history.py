@@ -72,7 +72,7 @@ class HistoryStore:
     def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
         """Store a row; an urgent one soon, with all that was put before, others within seconds."""
         within_s = BEHIND_S if is_urgent else COLLECT_S
-        done = self._store.submit(partial(_write, row=row), key=row[:3], within_s=within_s)
+        done = self._store.submit(partial(_write, row=row), key=("history", *row[:3]), within_s=within_s)
         done.add_done_callback(on_this_loop(partial(self._note_stored, row)))
 
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:

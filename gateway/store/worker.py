@@ -1,10 +1,11 @@
 """The thread that writes a database: intents and finals first, everything else in batches.
 
 1. The caller never waits for the disk. A piece's future completes when its transaction is on the disk.
-2. Urgent pieces are done first, by themselves. The others follow in batches; a batch ends after 500 pieces,
-   after 50 ms, or when an urgent one comes.
+2. Urgent pieces are done first, by themselves: intents, then finals. The others follow in batches; a batch
+   ends after 500 pieces, after 50 ms, or when an urgent one comes.
 3. A piece with a key is lasting: it waits until it is done, whatever the disk does, and newer work of its key
-   gets its place and its future. All others fail when the disk does.
+   gets its place and its future. Of each table only so many wait, and the oldest go. All others fail
+   when the disk does.
 4. A bad file never stops the gateway: it is tried again, a damaged one is set aside. On a full disk only what
    deletes is done, by means of a reserve.
 
@@ -20,6 +21,7 @@ import logging
 import queue
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from functools import partial
@@ -33,11 +35,11 @@ from gateway.system.supervised import is_set_within, on_this_loop
 
 log = logging.getLogger(__name__)
 
-Key = tuple[str, ...]  # names what the work is about
+Key = tuple[str, ...]  # names what the work is about, the table first
 T = TypeVar("T")
 
 MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
-MOST_WAITING = 10_000  # pieces
+MOST_WAITING = 10_000  # lasting pieces of a table
 MOST_AT_ONCE = 500  # pieces in one transaction
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
@@ -60,13 +62,18 @@ OnNews = Callable[[News, str], None]  # with a text for people
 class Piece(NamedTuple):
     """Some work that waits, and its answer."""
 
+    key: Key | None
     place: object  # its key; without one, an object of its own
-    is_lasting: bool
     is_urgent: bool
     work: Work
     is_flushed: bool
     is_freeing: bool
     future: Future[Any]
+
+    @property
+    def is_lasting(self) -> bool:
+        """Return whether it waits until it is done, whatever the disk does."""
+        return self.key is not None
 
     def begin(self) -> bool:
         """Return whether it is to be done: its caller has not given it up meanwhile."""
@@ -92,6 +99,7 @@ class Store:
         self._on_news: OnNews = lambda *_: None
         self._waiting: dict[object, Piece] = {}  # until they are done
         self._most_waiting = most_waiting
+        self._lasting: Counter[str] = Counter()  # how many of them are, by table
         self._urged = 0  # how often something urgent has come
         self._lock = threading.Lock()  # of what waits
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
@@ -122,7 +130,7 @@ class Store:
     @property
     def unsaved(self) -> int:
         """Return how many lasting pieces wait for the disk."""
-        return sum(piece.is_lasting for piece in self._waiting.values())
+        return self._lasting.total()
 
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""
@@ -142,8 +150,8 @@ class Store:
     ) -> Future[T]:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
-        Urgent work is done first; of the rest, only so much waits, the newest. It may wait (`within_s`) for
-        a transaction that something else begins. Work that need not be flushed at once outlives the process,
+        Urgent work is done first; the rest may wait (`within_s`) for a transaction that something else
+        begins. Work that need not be flushed at once outlives the process,
         but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it should
         touch less than a quarter of the reserve.
         """
@@ -155,12 +163,14 @@ class Store:
             future: Future[T] = Future() if older is None else older.future
             is_urgent |= older is not None and older.is_urgent
             self._urged += is_urgent
-            piece = Piece(place, key is not None, is_urgent, work, is_flushed, is_freeing, future)
+            piece = Piece(key, place, is_urgent, work, is_flushed, is_freeing, future)
             self._waiting[place] = piece
-            if piece.is_lasting and len(self._waiting) > self._most_waiting:
-                idle = (p for p in self._waiting.values() if not (p.is_urgent or p.future.running()))
-                if (oldest := next(idle, None)) is not None:
-                    del self._waiting[oldest.place]
+            if key is not None:
+                self._lasting[key[0]] += older is None
+                if self._lasting[key[0]] > self._most_waiting:
+                    oldest = next((each for each in self._waiting.values() if _may_go(each, key)), None)
+            if oldest is not None:
+                self._remove(oldest)
         self._wake.put(time.monotonic() + within_s)
         if oldest is not None and oldest.begin():
             _ended(oldest.future, "too much is waiting for the disk")
@@ -219,9 +229,12 @@ class Store:
         They wait until they are done, or have failed.
         """
         with self._lock:
+            if self._error is not None and len(self._waiting) == self._lasting.total():
+                return None
             pieces = self._waiting.values()
             ready = [piece for piece in pieces if self._error is None or not piece.is_lasting]
-            found = ([piece for piece in ready if piece.is_urgent] or ready)[:MOST_AT_ONCE]
+            urgent = [piece for piece in ready if piece.is_urgent]
+            found = ([piece for piece in urgent if not piece.is_lasting] or urgent or ready)[:MOST_AT_ONCE]
             batch = [piece for piece in found if piece.begin()]
             for piece in found:
                 if not piece.future.running():  # its caller has given it up
@@ -301,6 +314,8 @@ class Store:
         is_waiting = self._waiting.get(piece.place) is piece
         if is_waiting:
             del self._waiting[piece.place]
+            if piece.key is not None:
+                self._lasting[piece.key[0]] -= 1
         return is_waiting
 
     def _fail(self, pieces: Iterable[Piece], error: StoreError) -> None:
@@ -319,6 +334,12 @@ class Store:
         self._error = error
         if is_news:
             self._on_news(News.AWAY, str(error))
+
+
+def _may_go(piece: Piece, newest: Key) -> bool:
+    """Return whether a piece is given up for the newest of its table: none that is being done."""
+    is_of_table = piece.key is not None and piece.key[0] == newest[0]
+    return is_of_table and piece.key != newest and not piece.future.running()
 
 
 def _ended(future: Future[T], trouble: str) -> Future[T]:

@@ -98,18 +98,30 @@ def test_work_that_comes_while_that_of_its_key_is_being_done_is_done_after_it(ke
     assert one.do(texts) == ["older", "newer"]
 
 
-def test_the_oldest_of_what_is_not_urgent_goes_when_too_much_waits(keeping: Make) -> None:
+def test_the_oldest_of_a_table_goes_when_too_much_of_it_waits(keeping: Make) -> None:
     one = keeping(most_waiting=5)
     gate = held_up(one)
-    one.store.submit(insert("urgent"), key=("thing", "urgent"), is_urgent=True)
-    pieces = [one.store.submit(insert(f"{n}"), key=("thing", f"{n}")) for n in range(5)]
+    other = one.store.submit(insert("other"), key=("documents", "a"))
+    pieces = [
+        one.store.submit(insert(f"{n}"), key=("thing", f"{n}"), is_urgent=n in (0, 5)) for n in range(7)
+    ]
     gate.set()
 
     for piece in pieces[:2]:
         with pytest.raises(StoreError, match="too much is waiting"):
             piece.result(PATIENCE_S)
-    pieces[-1].result(PATIENCE_S)
-    assert one.do(texts) == ["urgent", "2", "3", "4"]
+    other.result(PATIENCE_S)
+    assert one.do(texts) == ["5", "other", "2", "3", "4", "6"]
+
+
+def test_an_intent_goes_before_the_results_that_wait(keeping: Make) -> None:
+    one = keeping()
+    gate = held_up(one)
+    one.store.submit(insert("final"), key=("thing", "1"), is_urgent=True)
+    one.store.submit(insert("intent"), is_urgent=True)
+    gate.set()
+
+    assert one.do(texts) == ["intent", "final"]
 
 
 def test_work_that_its_caller_has_given_up_is_not_done(keeping: Make) -> None:
