@@ -9,7 +9,6 @@ from typing import Any, cast
 
 from gateway.contract import (
     AuditRecord,
-    EventRecord,
     Latest,
     Phase,
     Quality,
@@ -96,7 +95,6 @@ class FakeGateway:
     clock: Any
     published: list[Record] = field(default_factory=list)
     latest: Latest = field(default_factory=Latest)
-    make_web_server: Any = None
 
     def __post_init__(self) -> None:
         self.records = RecordWriter(self, self.clock)
@@ -110,17 +108,10 @@ class FakeGateway:
         self.published.append(record)
         self.latest.put(record)
 
-    def publish_event(self, *event: Any, **fields: Any) -> None:
-        self.records.event("", *event, **fields)
-
     @property
     def logins(self) -> list[str]:
         """Return the code of each login and logout."""
         return [each.code for each in self.published if isinstance(each, AuditRecord)]
-
-    @property
-    def events(self) -> list[str]:
-        return [each.code for each in self.published if isinstance(each, EventRecord)]
 
     def plugin(self, name: str) -> None:
         return None
