@@ -45,38 +45,27 @@ async def nothing_started(page: Page, plant: PagePlant, deed: str) -> None:
     assert not any(each["verb"] == "start" for each in plant.scada.results), deed
 
 
-def browser_processes() -> list[int]:
-    """Return the processes of the Chromium that this test has started."""
-    children: dict[int, list[int]] = {}
-    for status in Path("/proc").glob("[0-9]*/stat"):
-        try:
-            fields = status.read_text().rpartition(")")[2].split()
-        except OSError:
-            continue
-        children.setdefault(int(fields[1]), []).append(int(status.parent.name))
-    found, waiting = [], [os.getpid()]
-    while waiting:
-        for each in children.get(waiting.pop(), []):
-            waiting.append(each)
-            with suppress(FileNotFoundError, ProcessLookupError):  # some end by themselves
-                if "chrom" in Path(f"/proc/{each}/comm").read_text():
-                    found.append(each)
-    return found
+async def browser_processes(page: Page) -> list[int]:
+    """Return the processes of the page's Chromium."""
+    assert page.context.browser is not None
+    session = await page.context.browser.new_browser_cdp_session()
+    return [each["id"] for each in (await session.send("SystemInfo.getProcessInfo"))["processInfo"]]
 
 
-def stand_still(number: signal.Signals) -> None:
-    for each in browser_processes():
-        with suppress(ProcessLookupError):
+def signalled(processes: list[int], number: signal.Signals) -> None:
+    for each in processes:
+        with suppress(ProcessLookupError):  # some end by themselves
             os.kill(each, number)
 
 
 async def hold_then_sleep(page: Page, x: float, y: float) -> None:
     """Hold the button, and let the browser stand still meanwhile, as a laptop whose lid is shut."""
+    processes = await browser_processes(page)
     await page.mouse.move(x, y)
     await page.mouse.down()
-    stand_still(signal.SIGSTOP)
+    signalled(processes, signal.SIGSTOP)
     await asyncio.sleep(4.0)
-    stand_still(signal.SIGCONT)
+    signalled(processes, signal.SIGCONT)
 
 
 async def hold_nearly_a_second(page: Page, *_: float) -> None:

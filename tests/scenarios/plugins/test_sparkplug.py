@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import itertools
-import json
 import re
 from typing import Any
 
@@ -97,14 +96,15 @@ def offered(*verbs: str) -> Expectation:
     return that(found, [(f"Command/{verb}", False) for verb in verbs])
 
 
-def host(state: bool) -> Any:
-    """Let the primary host say that it is online, or that it is not."""
-    return lambda plant: plant.publish(
-        "spBv1.0/STATE/scada",
-        json.dumps({"online": state, "timestamp": round(plant.world.utc_s() * 1000)}),
-        client="scada",
-        retain=True,
-    )
+def host(state: bool, server: str = "") -> Any:
+    """Let the primary host say at a server that it is online, or that it is not."""
+
+    def act(plant: RigPlant) -> None:
+        said = {"online": state, "timestamp": round(plant.world.utc_s() * 1000)}
+        broker = plant.other_broker(server) if server else plant.broker
+        broker.client("scada").publish("spBv1.0/STATE/scada", said, retain=True)
+
+    return act
 
 
 BIRTHS = [
@@ -236,12 +236,6 @@ OWN = SSW07 + SPARKPLUG + 'urls = ["mqtt://10.0.0.2", "mqtt://10.0.0.3"]\nallow_
 WITH_HOST = OWN + 'primary_host = "scada"\n'
 
 
-def says_online(plant: RigPlant, host_name: str, *, is_online: bool = True) -> None:
-    """Let the primary host say at one server that it is online, or that it is not."""
-    body = {"online": is_online, "timestamp": round(plant.world.utc_s() * 1000)}
-    plant.other_broker(host_name).client("scada").publish("spBv1.0/STATE/scada", body, retain=True)
-
-
 def born_at(*births: int) -> Expectation:
     """The servers 10.0.0.2 and 10.0.0.3 have had so many births."""
 
@@ -286,13 +280,8 @@ SERVERS = [
     row(
         "of several servers the one with the primary host is found",
         given=WITH_HOST,
-        before=lambda plant: (plant.other_broker("10.0.0.2"), says_online(plant, "10.0.0.3")),
-        at={
-            40.0: [
-                lambda plant: says_online(plant, "10.0.0.3", is_online=False),
-                lambda plant: says_online(plant, "10.0.0.2"),
-            ]
-        },
+        before=lambda plant: (plant.other_broker("10.0.0.2"), host(True, "10.0.0.3")(plant)),
+        at={40.0: [host(False, "10.0.0.3"), host(True, "10.0.0.2")]},
         then={39.0: born_at(0, 1), 70.0: born_at(1, 1)},
     ),
     *(
