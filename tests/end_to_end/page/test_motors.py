@@ -154,13 +154,16 @@ async def test_when_the_network_is_cut_the_page_says_so_and_a_stop_leaves_the_br
         await page.evaluate("const now = Date.now; Date.now = () => now() - 3600000; 0")  # makes nothing live
         await expect(page.locator("#veil")).to_contain_text("NOT LIVE", timeout=NOT_LIVE_MS)
 
+        await expect(page.locator("button[data-action^='start ']")).to_be_disabled()
         await page.click("button.stop")
+        await expect(page.locator(".toast").last).to_contain_text("sent")
         await until(lambda: b"POST /api/v1/command/pump/stop" in relay.received)
         await expect(page.locator(".toast").last).to_contain_text(
             "not known whether it arrived", timeout=4000.0
         )
 
         await relay.join()
+        await expect(page.locator("#veil")).to_be_hidden()
         await plant.scada.result("pump", verb="stop", phase="confirmed")
 
 

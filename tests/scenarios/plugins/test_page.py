@@ -249,20 +249,24 @@ REQUESTS = [
         },
     ),
     row(
-        "its parameters have limits, labels and why one cannot be set",
+        "its parameters have limits, labels and why one cannot be set, and are read by their codes",
         given=PAGE,
         at={5.0: log_in()},
         then={
-            5.1: that(
-                lambda plant: {
-                    each["code"]: each for each in plant.get("/api/v1/starter/pump/parameters").json["rows"]
-                },
-                {
-                    "P314": {"writable": True, "unit": "s", "least": 0, "most": 999},
-                    "P313": {"labels": {"0": re.compile(".")}},
-                    "P003": {"writable": False, "why_not": re.compile(".")},
-                },
-            )
+            5.1: [
+                that(
+                    lambda plant: {
+                        each["code"]: each
+                        for each in plant.get("/api/v1/starter/pump/parameters").json["rows"]
+                    },
+                    {
+                        "P314": {"writable": True, "unit": "s", "least": 0, "most": 999},
+                        "P313": {"labels": {"0": re.compile(".")}},
+                        "P003": {"writable": False, "why_not": re.compile(".")},
+                    },
+                ),
+                phases("read", "accepted ok", "confirmed ok", args={"parameters": ["P003", "P314"]}),
+            ]
         },
     ),
     row(
@@ -423,12 +427,6 @@ COMMANDS = [
         },
     ),
     row(
-        "a parameter is read by its code",
-        given=PAGE,
-        at={5.0: log_in()},
-        then={5.1: phases("read", "accepted ok", "confirmed ok", args={"parameters": ["P003", "P314"]})},
-    ),
-    row(
         "with two steps a start needs the selection that the page makes first",
         given=PAGE.replace("[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1),
         sim={"pump": QUICK},
@@ -491,7 +489,7 @@ ALARMS = [
         },
     ),
     row(
-        "an acknowledgement ends when its alarm clears or comes again, as open pages are sent, and by a restart",
+        "an acknowledgement ends, also on open pages, when its alarm clears or comes again, or by a restart",
         given=PAGE,
         at={
             5.0: "pump trip E05",

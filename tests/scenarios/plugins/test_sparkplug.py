@@ -219,16 +219,14 @@ DEATHS = [
         },
     ),
     row(
-        "switched off by a reload the node dies",
+        "switched off by a reload the node dies, and under another name, with which a new one is born",
         given=NODE,
-        at={5.0: reload(SSW07), 10.0: reload(NODE)},
-        then={9.0: bd_seqs("NDEATH", 0), 14.0: bd_seqs("NBIRTH", 0, 1)},
-    ),
-    row(
-        "under another name the old node dies and the new one is born",
-        given=NODE,
-        at={5.0: reload(NODE + 'node = "other"\n')},
-        then={9.0: [bd_seqs("NDEATH", 0), seen("spBv1.0/plant/NBIRTH/other")]},
+        at={5.0: reload(SSW07), 10.0: reload(NODE), 15.0: reload(NODE + 'node = "other"\n')},
+        then={
+            9.0: bd_seqs("NDEATH", 0),
+            14.0: bd_seqs("NBIRTH", 0, 1),
+            19.0: [bd_seqs("NDEATH", 0, 1), seen("spBv1.0/plant/NBIRTH/other", times=1)],
+        },
     ),
 ]
 
