@@ -349,8 +349,7 @@ REQUESTS = [
                 answer("/health", state="online"),
             ],
             14.0: [
-                answer("/api/v1/state", session={"logins": True}),
-                answer("/api/v1/state", starters={"mill": {"address": 3}}),
+                answer("/api/v1/state", session={"logins": True}, starters={"mill": {"address": 3}}),
             ],
         },
     ),
