@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 
 from gateway.contract import Cause, StartOutcome, StartSource
-from gateway.plugins.history.start_recorder import LONGEST_S, StartRecorder
+from gateway.plugins.history.start_recorder import LONGEST_S
 from gateway.starters import Readings, Value
 from tests.history.support import UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
 
@@ -18,11 +18,6 @@ def one_reply(at_s: float, state: str, **values: Value) -> Readings:
         "accelerating": state == "starting",
     }
     return Readings(at_s, UTC_S + at_s, state, flags | values)
-
-
-def feed(one: StartRecorder, *replies: Readings) -> list[StartOutcome]:
-    found = [one.take(reply) for reply in replies]
-    return [each.outcome for each in found if each is not None]
 
 
 @pytest.mark.parametrize("fast_s", [0.1, 0.25, 0.4])
@@ -84,15 +79,13 @@ def test_a_start_whose_beginning_was_not_seen_has_no_acceleration_time() -> None
 
 def test_the_time_before_a_start_that_was_announced_is_no_acceleration() -> None:
     """SSW900: initial test and time before start (C5.7.1) are `starting` too."""
-    one = recorder()
     replies = [one_reply(0.0, "ready"), one_reply(1.0, "starting", accelerating=False)]
     replies += [one_reply(2.0 + 0.25 * n, "starting", accelerating=False) for n in range(12)]
     replies += [one_reply(5.0 + 0.25 * n, "starting") for n in range(20)]
     replies += [one_reply(10.0 + 0.25 * n, "running") for n in range(24)]
 
-    found = [each for each in map(one.take, replies) if each is not None]
+    summary = sole([each for each in map(recorder().take, replies) if each is not None])
 
-    summary = sole(found)
     assert summary.acceleration_s == pytest.approx(5.0)
     assert summary.time_s == pytest.approx(UTC_S + 4.875)
 
@@ -109,13 +102,16 @@ def test_a_long_start_at_a_high_rate_stays_small_and_true() -> None:
 
 
 def test_the_heating_is_the_rise_of_the_thermal_level_and_the_lowest_voltage_that_of_the_ramp() -> None:
-    one = recorder()
-    feed(one, one_reply(0.0, "ready", p050=12, line_voltage=300.0))
-    feed(one, one_reply(0.5, "starting", p050=12, line_voltage=392.0))
-    feed(one, one_reply(1.0, "starting", line_voltage=371.0), one_reply(5.0, "running", line_voltage=399.0))
-    feed(one, one_reply(7.0, "running", p050=31, line_voltage=200.0))
+    replies = [
+        one_reply(0.0, "ready", p050=12, line_voltage=300.0),
+        one_reply(0.5, "starting", p050=12, line_voltage=392.0),
+        one_reply(1.0, "starting", line_voltage=371.0),
+        one_reply(5.0, "running", line_voltage=399.0),
+        one_reply(7.0, "running", p050=31, line_voltage=200.0),
+        one_reply(11.0, "running"),
+    ]
 
-    summary = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
+    summary = sole([each for each in map(recorder().take, replies) if each is not None])
 
     assert (summary.heating_pct, summary.lowest_v) == (19.0, 371.0)
     assert summary.samples["thermal"][-1] == 31.0

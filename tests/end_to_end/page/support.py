@@ -105,15 +105,11 @@ async def browser() -> AsyncIterator[Browser]:
             await chromium.close()
 
 
-async def log_in(page: Page, password: str = PASSWORD) -> None:
+async def logged_in(page: Page, password: str = PASSWORD) -> None:
     await page.click("#account")
     await page.fill("input[name=user]", USER)
     await page.fill("input[name=password]", password)
     await page.click("#login-form button[type=submit]")
-
-
-async def logged_in(page: Page, password: str = PASSWORD) -> None:
-    await log_in(page, password)
     await page.get_by_role("button", name=f"{USER}: log out").wait_for()
 
 

@@ -142,16 +142,6 @@ async def test_a_client_that_takes_nothing_of_its_stream_is_cut_off() -> None:
         assert len(rig.streams) == 0
 
 
-async def test_a_head_of_more_than_eight_kilobytes_is_refused() -> None:
-    async with served() as (_, _, port):
-        headers = {f"X-{n}": "a" * 200 for n in range(60)}
-        answer = await exchange(port, request("GET", "/", port=port, headers=headers))
-        cookie = await exchange(port, request("GET", "/", port=port, headers={"Cookie": "a" * 20_000}))
-
-        assert (answer, cookie) == (431, 431)
-        assert await is_well(port)
-
-
 async def test_more_connections_than_there_may_be_are_refused_and_idle_ones_make_room() -> None:
     async with served() as (_, server, port):
         many = [await asyncio.open_connection("127.0.0.1", port) for _ in range(3 * MOST_CONNECTIONS)]

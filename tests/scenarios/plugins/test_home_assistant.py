@@ -235,21 +235,21 @@ PRESSES = [
         },
     ),
     row(
-        "a start that comes late is refused",
-        given=HOME,
-        at={5.0: press("start", late_s=7.0)},
-        then={8.0: [result("start rejected expired"), frames("pump")]},
-    ),
-    row(
-        "the same press twice acts once, two presses are two commands",
+        "a late press is refused, the same press twice acts once, two presses are two commands",
         given=HOME,
         sim={"pump": QUICK},
-        at={5.0: [press("stop"), press("stop")], 9.0: press("start"), 13.0: press("start")},
+        at={
+            3.0: press("start", late_s=7.0),
+            5.0: [press("stop"), press("stop")],
+            9.0: press("start"),
+            13.0: press("start"),
+        },
         then={
+            4.5: [result("start rejected expired"), frames("pump")],
             20.0: [
                 seen("result/pump/ha", times=2, verb="start", phase="accepted"),
                 result("start rejected motor_running"),
-            ]
+            ],
         },
     ),
 ]

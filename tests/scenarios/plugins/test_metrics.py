@@ -124,15 +124,21 @@ SERIES = [
         },
     ),
     row(
-        "how long stops wait is measured",
+        "how long stops wait is measured, and whether a starter is locked",
         given=SCRAPED,
-        at={3.0: command("pump/alice/stop")},
+        at={
+            3.0: command("pump/alice/stop"),
+            6.0: command("pump/alice/lock", args={"reason": "belt"}),
+            11.0: command("pump/alice/unlock"),
+        },
         then={
             5.0: [
                 sample("stop_latency_seconds_count", 1.0, line="pumps"),
                 sample("line_stop_latency_worst_seconds", pytest.approx(0.02, abs=0.05), line="pumps"),
                 sample("line_stop_latency_bound_seconds", line="pumps"),
-            ]
+            ],
+            9.0: sample("starter_locked", 1.0, **PUMP),
+            13.0: sample("starter_locked", 0.0, **PUMP),
         },
     ),
     row(
@@ -153,12 +159,6 @@ SERIES = [
         },
     ),
     row(
-        "a starter that is locked shows it",
-        given=SCRAPED,
-        at={3.0: command("pump/alice/lock", args={"reason": "belt"}), 8.0: command("pump/alice/unlock")},
-        then={6.0: sample("starter_locked", 1.0, **PUMP), 10.0: sample("starter_locked", 0.0, **PUMP)},
-    ),
-    row(
         "a disabled starter has its info and nothing else",
         given=SSW07 + "enabled = false\n" + WEB + METRICS,
         then={
@@ -166,7 +166,7 @@ SERIES = [
                 sample("starter_info", 1.0, **PUMP),
                 sample("starter_online", None),
                 sample("starts_total", None),
-            ]
+            ],
         },
     ),
     row(
@@ -199,9 +199,9 @@ SERIES = [
         },
     ),
     row(
-        "what waits for the broker, and since when",
+        "what waits for the broker, and since when, and a line whose port is away",
         given=SCRAPED,
-        at={10.0: "broker down", 40.0: "broker up"},
+        at={10.0: "broker down", 40.0: "broker up", 85.0: "line pumps unplug"},
         then={
             35.0: [
                 sample("broker_connected", 0.0),
@@ -213,13 +213,8 @@ SERIES = [
                 sample("broker_reconnects_total", 1.0),
                 sample("outbox_oldest_timestamp_seconds", None),
             ],
+            100.0: sample("line_open", 0.0, line="pumps"),
         },
-    ),
-    row(
-        "a line whose port is away shows it",
-        given=SCRAPED,
-        at={5.0: "line pumps unplug"},
-        then={20.0: sample("line_open", 0.0, line="pumps")},
     ),
     row(
         "a clock that is not trusted is 0",

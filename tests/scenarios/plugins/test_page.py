@@ -747,34 +747,22 @@ def test_files_come_with_an_etag_and_compressed_where_that_is_wanted() -> None:
         assert (again.status, again.body) == (304, b"")
 
 
-def test_a_stream_ends_with_its_session() -> None:
+@pytest.mark.parametrize("path", [TO + "start", TO + "stop", "/api/v1/logout", "/api/v1/check"])
+def test_a_logout_ends_the_sessions_stream_and_refuses_what_has_not_come_whole(path: str) -> None:
     with RigPlant(PAGE) as plant:
         plant.run(until=5.0)
         plant.browser.log_in("anna", "right")
         stream = plant.browser.stream()
-        plant.run(until=6.0)
-        plant.post("/api/v1/logout", {})
-        plant.run(until=8.0)
-
-        assert stream.events[-1][0] == "session"
-        assert stream.events[-1][1]["user"] is None
-        assert stream.is_over
-
-
-@pytest.mark.parametrize("path", [TO + "start", TO + "stop", "/api/v1/logout", "/api/v1/check"])
-def test_what_has_no_session_any_more_when_its_body_comes_is_refused(path: str) -> None:
-    with RigPlant(PAGE) as plant:
-        plant.run(until=5.0)
-        plant.browser.log_in("anna", "right")
         begun = plant.browser.begin_post(path, {"id": "late", "token": plant.token()})
         plant.run(until=6.0)
         plant.post("/api/v1/logout", {})
         plant.do(begun.may_go.set)
-        plant.run(until=7.0)
+        plant.run(until=8.0)
 
         assert (begun.status, begun.json["error"]) == (401, "login")
         assert not frames("pump")(plant)
         assert plant.results() == []
+        assert (stream.events[-1][0], stream.events[-1][1]["user"], stream.is_over) == ("session", None, True)
 
 
 def test_each_stop_by_the_page_is_answered_without_id_or_token_although_one_is_under_way() -> None:
