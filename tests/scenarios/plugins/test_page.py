@@ -328,16 +328,6 @@ REQUESTS = [
         },
     ),
     row(
-        "health is good while the lines move, also without a broker",
-        given=SSW07 + WEB,
-        at={8.0: "broker down", 20.0: "line pumps unplug"},
-        then={
-            5.0: answer("/health", state="online", lines={"pumps": True}, broker=True),
-            15.0: answer("/health", 200, lines={"pumps": True}, broker=False),
-            30.0: answer("/health", lines={"pumps": True}),
-        },
-    ),
-    row(
         "the page is switched on and changed by reloads, and without users it is read-only",
         given=SSW07,
         at={5.0: reload(SSW07 + WEB), 10.0: reload(FOUR + ALICE + WEB + LOGIN)},
@@ -372,16 +362,23 @@ COMMANDS = [
         },
     ),
     row(
-        "without a broker the page goes on and stops a motor",
+        "without a broker the page goes on, stops a motor and is well, also where a line is away",
         given=PAGE,
         sim={"pump": QUICK},
-        at={5.0: [log_in(), command("pump/alice/start")], 8.0: "broker down"},
+        at={
+            5.0: [log_in(), command("pump/alice/start")],
+            8.0: "broker down",
+            20.0: "line pumps unplug",
+        },
         then={
+            7.0: answer("/health", state="online", lines={"pumps": True}, broker=True),
             15.0: [
+                answer("/health", lines={"pumps": True}, broker=False),
                 answer("/api/v1/state", topics={"starter/pump/state": {"state": "running"}}),
                 phases("stop", "accepted ok", "written ok", "confirmed ok"),
                 frames("pump", "05 00 64 ff 00", STOP),
-            ]
+            ],
+            30.0: answer("/health", lines={"pumps": True}, broker=False),
         },
     ),
     row(
