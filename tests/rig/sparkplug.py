@@ -14,7 +14,7 @@ def decoded(payload: bytes) -> dict[str, Any]:
     """Return `timestamp`, `seq`, and the `metrics` by name: their values."""
     names = {1: "timestamp", 3: "seq"}
     said = {names[number]: value for number, value in _fields(payload) if number in names}
-    return {**said, "metrics": {each.name: each.value for each in metrics_of(payload)}}
+    return {"metrics": {each.name: each.value for each in metrics_of(payload)}, **said}
 
 
 @dataclass(frozen=True)
