@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import itertools
 import random
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from concurrent.futures import Future
 from dataclasses import dataclass, field
+from types import MappingProxyType
 
 from gateway.contract import Record, StartRecord
 from gateway.families.profile.load import load_profile
@@ -163,17 +164,21 @@ def records(
     *,
     until_s: float = 60.0,
     one: StartRecorder | None = None,
-    before: Callable[[StartRecorder, float], None] = lambda _recorder, _at_s: None,
+    wrong: Mapping[int, float] = MappingProxyType({}),
 ) -> list[StartRecord]:
-    """Return what a recorder makes of a motor."""
-    one = one or recorder()
-    found = []
+    """Return what a recorder makes of a motor, of which some currents since the start are read wrongly.
+
+    A start of ours is a command of Alice's, c1.
+    """
+    one, found, numbers = one or recorder(), [], itertools.count()
+    if motor.is_ours:
+        one.note_command("alice", "c1", motor.start.begin_s)
     for readings in motor.replies(0.0, until_s):
-        before(one, readings.at_s)
-        finished = one.take(readings)
-        if finished is not None:
-            found.append(finished)
-    return found
+        values = readings.values
+        if "current" in values and readings.at_s >= motor.start.begin_s:
+            values = {"current": wrong.get(next(numbers), values["current"])}
+        found.append(one.take(readings._replace(values=values)))
+    return [each for each in found if each is not None]
 
 
 def sole(found: list[StartRecord]) -> StartRecord:

@@ -4,24 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
-from gateway.plugins.history.start_recorder import LONGEST_S, StartRecorder
+from gateway.contract import Cause, StartOutcome, StartSource
+from gateway.plugins.history.start_recorder import LONGEST_S
 from gateway.starters import Readings, Value
 from tests.history.support import UTC_S, AnalyticStart, ReadMotor, recorder, records, sole
 
 WITHIN = 0.03
-
-
-def written(at_s: float, client: str = "alice", id_: str | None = "c1"):
-    """Return what notes a command of ours as soon as the time has come."""
-    noted: list[float] = []
-
-    def note(one: StartRecorder, now_s: float) -> None:
-        if now_s >= at_s and not noted:
-            noted.append(now_s)
-            one.note_command(client, id_, at_s)
-
-    return note
 
 
 def one_reply(at_s: float, state: str, **values: Value) -> Readings:
@@ -30,11 +18,6 @@ def one_reply(at_s: float, state: str, **values: Value) -> Readings:
         "accelerating": state == "starting",
     }
     return Readings(at_s, UTC_S + at_s, state, flags | values)
-
-
-def feed(one: StartRecorder, *replies: Readings) -> list[StartOutcome]:
-    found = [one.take(reply) for reply in replies]
-    return [each.outcome for each in found if each is not None]
 
 
 @pytest.mark.parametrize("fast_s", [0.1, 0.25, 0.4])
@@ -46,7 +29,7 @@ def test_a_start_of_ours_agrees_with_the_analytic_curve_within_three_percent(
         start = AnalyticStart(begin_s=20.0 + 0.137 * seed, ramp_s=ramp_s)
         motor = ReadMotor(start, fast_s=fast_s, seed=seed, noise=0.004, is_ours=True)
 
-        summary = sole(records(motor, before=written(start.begin_s)))
+        summary = sole(records(motor))
 
         assert summary.outcome is StartOutcome.FULL_VOLTAGE
         assert summary.acceleration_s is not None
@@ -75,7 +58,7 @@ def test_a_start_that_the_starter_has_refused_is_not_ours() -> None:
 def test_a_gap_in_the_samples_leaves_out_what_cannot_be_computed() -> None:
     motor = ReadMotor(AnalyticStart(begin_s=20.3), lost=(22.0, 26.0), is_ours=True)
 
-    summary = sole(records(motor, before=written(20.28)))
+    summary = sole(records(motor))
 
     assert summary.outcome is StartOutcome.FULL_VOLTAGE
     assert summary.acceleration_s == pytest.approx(8.0, rel=WITHIN)
@@ -96,15 +79,13 @@ def test_a_start_whose_beginning_was_not_seen_has_no_acceleration_time() -> None
 
 def test_the_time_before_a_start_that_was_announced_is_no_acceleration() -> None:
     """SSW900: initial test and time before start (C5.7.1) are `starting` too."""
-    one = recorder()
     replies = [one_reply(0.0, "ready"), one_reply(1.0, "starting", accelerating=False)]
     replies += [one_reply(2.0 + 0.25 * n, "starting", accelerating=False) for n in range(12)]
     replies += [one_reply(5.0 + 0.25 * n, "starting") for n in range(20)]
     replies += [one_reply(10.0 + 0.25 * n, "running") for n in range(24)]
 
-    found = [each for each in map(one.take, replies) if each is not None]
+    summary = sole([each for each in map(recorder().take, replies) if each is not None])
 
-    summary = sole(found)
     assert summary.acceleration_s == pytest.approx(5.0)
     assert summary.time_s == pytest.approx(UTC_S + 4.875)
 
@@ -113,7 +94,7 @@ def test_a_long_start_at_a_high_rate_stays_small_and_true() -> None:
     start = AnalyticStart(begin_s=5.0, ramp_s=200.0)
     motor = ReadMotor(start, fast_s=0.02, is_ours=True)
 
-    summary = sole(records(motor, until_s=260.0, before=written(5.0)))
+    summary = sole(records(motor, until_s=260.0))
 
     assert len(summary.samples["t_s"]) <= 300
     assert summary.i2t_a2s == pytest.approx(start.i2t_a2s(), rel=WITHIN)
@@ -121,28 +102,19 @@ def test_a_long_start_at_a_high_rate_stays_small_and_true() -> None:
 
 
 def test_the_heating_is_the_rise_of_the_thermal_level_and_the_lowest_voltage_that_of_the_ramp() -> None:
-    one = recorder()
-    feed(one, one_reply(0.0, "ready", p050=12, line_voltage=300.0))
-    feed(one, one_reply(0.5, "starting", p050=12, line_voltage=392.0))
-    feed(one, one_reply(1.0, "starting", line_voltage=371.0), one_reply(5.0, "running", line_voltage=399.0))
-    feed(one, one_reply(7.0, "running", p050=31, line_voltage=200.0))
+    replies = [
+        one_reply(0.0, "ready", p050=12, line_voltage=300.0),
+        one_reply(0.5, "starting", p050=12, line_voltage=392.0),
+        one_reply(1.0, "starting", line_voltage=371.0),
+        one_reply(5.0, "running", line_voltage=399.0),
+        one_reply(7.0, "running", p050=31, line_voltage=200.0),
+        one_reply(11.0, "running"),
+    ]
 
-    summary = sole([each for each in [one.take(one_reply(11.0, "running"))] if each is not None])
+    summary = sole([each for each in map(recorder().take, replies) if each is not None])
 
     assert (summary.heating_pct, summary.lowest_v) == (19.0, 371.0)
     assert summary.samples["thermal"][-1] == 31.0
-
-
-def read_wrongly(one: StartRecorder, motor: ReadMotor, wrong: dict[int, float]) -> list[StartRecord]:
-    """Return the records of a motor of which some readings of the current, from the start on, are wrong."""
-    found, number = [], -1
-    for readings in motor.replies(0.0, 60.0):
-        taken = readings
-        if "current" in readings.values and readings.at_s >= motor.start.begin_s:
-            number += 1
-            taken = readings._replace(values={"current": wrong.get(number, readings.values["current"])})
-        found.append(one.take(taken))
-    return [each for each in found if each is not None]
 
 
 @pytest.mark.parametrize(
@@ -151,10 +123,8 @@ def read_wrongly(one: StartRecorder, motor: ReadMotor, wrong: dict[int, float]) 
 def test_a_current_that_cannot_be_is_counted_and_enters_nothing(wrong: dict[int, float]) -> None:
     start = AnalyticStart(begin_s=20.3)
     motor = ReadMotor(start, is_ours=True)
-    one = recorder()
-    one.note_command("alice", "c1", start.begin_s)
 
-    summary = sole(read_wrongly(one, motor, wrong))
+    summary = sole(records(motor, wrong=wrong))
 
     assert summary.outliers == len(wrong)
     assert summary.peak_a == pytest.approx(start.peak_a)
@@ -165,14 +135,12 @@ def test_a_current_that_cannot_be_is_counted_and_enters_nothing(wrong: dict[int,
 
 def test_a_kick_start_and_the_current_that_trips_the_starter_are_real() -> None:
     start = AnalyticStart(begin_s=20.3)
-    kicked = sole(read_wrongly(recorder(), ReadMotor(start), {0: 700.0}))
+    kicked = sole(records(ReadMotor(start), wrong={0: 700.0}))
     motor = ReadMotor(start, cut_s=24.0, cut_state="fault")
     fed = sum(
         "current" in each.values and start.begin_s <= each.at_s < 24.0 for each in motor.replies(0.0, 60.0)
     )
-    tripped = sole(
-        read_wrongly(recorder(), ReadMotor(start, cut_s=24.0, cut_state="fault"), {fed - 1: 980.0})
-    )
+    tripped = sole(records(motor, wrong={fed - 1: 980.0}))
 
     assert (kicked.outliers, kicked.peak_a) == (0, 700.0)
     assert (tripped.outliers, tripped.peak_a) == (0, 980.0)
@@ -186,7 +154,7 @@ def test_the_i2t_is_as_exact_as_the_record_says(fast_s: float, ramp_s: float) ->
         start = AnalyticStart(begin_s=20.0 + 0.137 * seed, ramp_s=ramp_s)
         motor = ReadMotor(start, fast_s=fast_s, seed=seed, is_ours=seed % 2 == 0)
 
-        summary = sole(records(motor, before=written(start.begin_s) if motor.is_ours else lambda *_: None))
+        summary = sole(records(motor))
 
         if summary.i2t_a2s is None:
             assert fast_s >= ramp_s / 5, "too few samples"
@@ -268,7 +236,7 @@ def test_another_start_is_local_or_remote_as_the_starter_shows(remote: bool | No
 def test_a_start_that_is_cut_has_its_peak_and_heat_but_no_acceleration_time(state: str) -> None:
     motor = ReadMotor(AnalyticStart(begin_s=20.3), cut_s=24.0, cut_state=state, is_ours=True)
 
-    summary = sole(records(motor, before=written(20.28)))
+    summary = sole(records(motor))
 
     assert (summary.acceleration_s, summary.peak_a) == (None, pytest.approx(350.0))
     assert summary.i2t_a2s == pytest.approx(350.0**2 * 3.4, rel=0.15)

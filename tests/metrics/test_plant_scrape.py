@@ -55,11 +55,8 @@ def test_every_series_that_the_document_names_is_in_a_scrape_and_no_other(whole:
     assert scraped == named
 
 
-def test_promtool_finds_nothing_in_it(whole: str) -> None:
+def test_promtool_finds_nothing_in_a_scrape_and_no_series_is_there_twice(whole: str) -> None:
     assert promtool("check", "metrics", standard_input=whole.encode()) == ""
-
-
-def test_no_series_stands_twice_in_a_scrape(whole: str) -> None:
     lines = [line.rpartition(" ")[0] for line in whole.splitlines() if not line.startswith("#")]
 
     assert len(lines) == len(set(lines))

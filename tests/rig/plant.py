@@ -288,7 +288,7 @@ class RigPlant:
         message = MqttMessage(self.world.now_s(), self.topic(topic), as_bytes(payload), **properties)
         self.do(lambda: self.broker.publish(message))
 
-    def sparkplug(self, metrics: Mapping[str, bool | float | str]) -> bytes:
+    def sparkplug(self, metrics: Mapping[str, bool | str]) -> bytes:
         """Return the payload of a Sparkplug command of this moment."""
         return sparkplug.encoded(metrics, time_s=self.world.utc_s())
 

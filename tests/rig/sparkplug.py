@@ -12,14 +12,9 @@ INT32, INT64, DOUBLE, BOOLEAN, STRING = 3, 4, 10, 11, 12  # data types [Sparkplu
 
 def decoded(payload: bytes) -> dict[str, Any]:
     """Return `timestamp`, `seq`, and the `metrics` by name: their values."""
-    found: dict[str, Any] = {"metrics": {}}
-    for number, value in _fields(payload):
-        if number in (1, 3):
-            found["timestamp" if number == 1 else "seq"] = value
-        elif number == 2:
-            name, said = _metric(value)
-            found["metrics"][name] = said
-    return found
+    names = {1: "timestamp", 3: "seq"}
+    said = {names[number]: value for number, value in _fields(payload) if number in names}
+    return {"metrics": {each.name: each.value for each in metrics_of(payload)}, **said}
 
 
 @dataclass(frozen=True)
@@ -49,10 +44,9 @@ def _said(block: bytes) -> SaidMetric:
             keys.append(said.decode())
         else:
             values.append(dict(_fields(said)))
-    name, value = _metric(block)
     return SaidMetric(
-        name,
-        value,
+        fields.get(1, b"").decode(),
+        _value(fields),
         fields.get(3),
         fields.get(4),
         bool(fields.get(7)),
@@ -62,10 +56,12 @@ def _said(block: bytes) -> SaidMetric:
     )
 
 
-def encoded(metrics: Mapping[str, bool | float | str], *, time_s: float) -> bytes:
+def encoded(metrics: Mapping[str, bool | str], *, time_s: float) -> bytes:
     """Return the payload of a command: `{"Command/Stop": True}`."""
-    time = _number(1, round(time_s * 1000))
-    return time + b"".join(_block(2, _written(name, value, time_s)) for name, value in metrics.items())
+    time_ms = round(time_s * 1000)
+    return block_of({1: time_ms}) + b"".join(
+        block_of({2: block_of({1: name, 3: time_ms, **_written(value)})}) for name, value in metrics.items()
+    )
 
 
 def block_of(fields: Mapping[int, int | str | bytes]) -> bytes:
@@ -78,35 +74,23 @@ def block_of(fields: Mapping[int, int | str | bytes]) -> bytes:
     )
 
 
-def _metric(block: bytes) -> tuple[str, Any]:
-    name, value, kind = "", None, 0
-    for number, said in _fields(block):
-        if number == 1:
-            name = said.decode()
-        elif number == 4:
-            kind = said
-        elif number == 10:
-            value = said - (1 << 32) if kind == INT32 and said >= 1 << 31 else said
-        elif number in (11, 12):
-            value = said
-        elif number == 13:
-            value = struct.unpack("<d", said)[0]
-        elif number == 14:
-            value = bool(said)
-        elif number == 15:
-            value = said.decode()
-    return name, value
+def _value(fields: Mapping[int, Any]) -> Any:
+    number = next((each for each in range(10, 16) if each in fields), 0)
+    said = fields.get(number)
+    match number:
+        case 10 if fields.get(4) == INT32 and said >= 1 << 31:
+            return said - (1 << 32)
+        case 13:
+            return struct.unpack("<d", said)[0]
+        case 14:
+            return bool(said)
+        case 15:
+            return said.decode()
+    return said
 
 
-def _written(name: str, value: bool | float | str, time_s: float) -> bytes:
-    head = _block(1, name.encode()) + _number(3, round(time_s * 1000))
-    match value:
-        case bool():
-            return head + _number(4, BOOLEAN) + _number(14, int(value))
-        case str():
-            return head + _number(4, STRING) + _block(15, value.encode())
-        case _:
-            return head + _number(4, DOUBLE) + _varint(13 << 3 | 1) + struct.pack("<d", value)
+def _written(value: bool | str) -> dict[int, int | str]:
+    return {4: BOOLEAN, 14: int(value)} if isinstance(value, bool) else {4: STRING, 15: value}
 
 
 def _fields(block: bytes) -> Iterator[tuple[int, Any]]:

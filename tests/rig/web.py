@@ -73,12 +73,12 @@ class WebBrowser:
         self.cookie = self.csrf = ""
 
     def get(self, path: str, **headers: str) -> WebAnswer:
-        return self.ask("GET", path, headers=headers)
+        return self._ask("GET", path, b"", headers)
 
     def post(self, path: str, body: object = None, **headers: str) -> WebAnswer:
         """Post JSON as the page does; headers are spelt with _ for -."""
         content = body if isinstance(body, bytes) else json.dumps(body or {}).encode()
-        return self.ask("POST", path, content, headers={**self._of_post(), **headers})
+        return self._ask("POST", path, content, {**self._of_post(), **headers})
 
     def begin_post(self, path: str, body: object = None) -> WebAnswer:
         """Send the head of a POST; its body goes once `may_go` of the answer is set."""
@@ -98,25 +98,20 @@ class WebBrowser:
             self.cookie = answer.headers["set-cookie"].split(";")[0]
         return answer
 
-    def ask(
-        self, method: str, path: str, body: bytes = b"", *, headers: Mapping[str, str] | None = None
-    ) -> WebAnswer:
-        """Send a request and return its whole answer."""
+    def stream(self, scope: str = "") -> WebAnswer:
+        """Open the page's stream of events; what it says is in the answer as time passes."""
         answer = WebAnswer()
-        self._run(self._exchange(answer, method, path, body, headers or {}))
+        self._begin(answer, "GET", f"/api/v1/events{scope}", b"", {})
         return answer
 
-    def stream(self, path: str = "/api/v1/stream") -> WebAnswer:
-        """Begin a request whose answer goes on and on; what it says is in the answer as time passes."""
+    def _ask(self, *request: Any) -> WebAnswer:
         answer = WebAnswer()
-        self._begin(answer, "GET", path, b"", {})
+        self._run(self._exchange(answer, *request))
         return answer
 
-    def _begin(
-        self, answer: WebAnswer, method: str, path: str, body: bytes, headers: Mapping[str, str]
-    ) -> None:
+    def _begin(self, answer: WebAnswer, *request: Any) -> None:
         async def begin() -> None:
-            answer.task = asyncio.ensure_future(self._exchange(answer, method, path, body, headers))  # type: ignore[attr-defined]
+            answer.task = asyncio.ensure_future(self._exchange(answer, *request))  # type: ignore[attr-defined]
 
         self._run(begin())
 

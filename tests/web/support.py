@@ -4,12 +4,10 @@ from __future__ import annotations
 
 from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field, replace
-from types import SimpleNamespace
 from typing import Any, cast
 
 from gateway.contract import (
     AuditRecord,
-    EventRecord,
     Latest,
     Phase,
     Quality,
@@ -64,11 +62,10 @@ class HandClock:
 
 @dataclass
 class FakeControl:
-    """Records what the page commands; a command ends at once as `phases` say."""
+    """Records what the page commands; a command ends at once, confirmed."""
 
     commands: list[tuple[str, str, bytes, str, str]] = field(default_factory=list)
     offers: list[dict[str, Any]] = field(default_factory=list)
-    phases: tuple[Phase, ...] = (Phase.ACCEPTED, Phase.CONFIRMED)
 
     def token(self) -> str:
         return "token-0"
@@ -82,11 +79,8 @@ class FakeControl:
         user = session.user
         self.commands.append((starter, verb, body, user.client, user.name))
         named: Any = {"starter": starter, "client": user.client, "verb": verb, "id": None}
-        for phase in self.phases:
+        for phase in (Phase.ACCEPTED, Phase.CONFIRMED):
             yield ResultRecord(**named, phase=phase, code="ok", text="", time_s=0.0)
-
-    def parameters(self, starter: str) -> list[dict[str, Any]]:
-        return [{"code": "P314"}]
 
 
 @dataclass
@@ -96,13 +90,9 @@ class FakeGateway:
     clock: Any
     published: list[Record] = field(default_factory=list)
     latest: Latest = field(default_factory=Latest)
-    make_web_server: Any = None
 
     def __post_init__(self) -> None:
         self.records = RecordWriter(self, self.clock)
-        self.mqtt = SimpleNamespace(is_connected=lambda: True)
-        self.dispatcher = SimpleNamespace(stopped_s=lambda: 0.0)
-        self.tokens = SimpleNamespace(issue=lambda _: "token-0", made_s=lambda _: 0.0)
         self.starters: dict[str, Any] = {}
         self.documents = Documents()
 
@@ -110,23 +100,10 @@ class FakeGateway:
         self.published.append(record)
         self.latest.put(record)
 
-    def publish_event(self, *event: Any, **fields: Any) -> None:
-        self.records.event("", *event, **fields)
-
     @property
     def logins(self) -> list[str]:
         """Return the code of each login and logout."""
         return [each.code for each in self.published if isinstance(each, AuditRecord)]
-
-    @property
-    def events(self) -> list[str]:
-        return [each.code for each in self.published if isinstance(each, EventRecord)]
-
-    def plugin(self, name: str) -> None:
-        return None
-
-    def progress(self) -> Mapping[str, int]:
-        return {}
 
     async def stored(self, *_: Any) -> Any:
         raise StoreError("there is no history")
@@ -136,14 +113,10 @@ class PageRig:
     """A page with everything behind it."""
 
     def __init__(
-        self,
-        settings: WebSettings | None = None,
-        *,
-        files: Mapping[str, StaticFile] | None = None,
-        clock: Any = None,
+        self, settings: WebSettings | None = None, files: Mapping[str, StaticFile] | None = None
     ) -> None:
         settings = settings or web_settings()
-        self.clock = clock or HandClock()
+        self.clock = HandClock()
         self.gateway = cast("Any", FakeGateway(self.clock))
         self.control = cast("Any", FakeControl())
         self.model = SiteModel(settings, self.gateway.latest, Acknowledged(self.gateway))

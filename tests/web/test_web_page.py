@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-import asyncio
-import errno
 import subprocess
 import sys
 from pathlib import Path
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any
 
-import pytest
-
-from gateway.plugins.web.page import Page
 from gateway.plugins.web.plugin import settings_of
+from gateway.plugins.web.static_files import read_files
 from tests.config.sites import site
-from tests.web.support import FakeGateway, HandClock, web_settings
 
 TABLE = '[[operator]]\nclient = "alice"'
 
@@ -29,28 +24,11 @@ def test_the_gateway_itself_imports_neither_web_server_nor_prometheus() -> None:
     assert found.stdout.strip() == "set()"
 
 
-async def test_an_address_that_stays_in_use_is_one_event(monkeypatch: pytest.MonkeyPatch) -> None:
-    class Taken:
-        def __init__(self, *_: object) -> None:
-            self.is_open = asyncio.Event()
-            tries.append(self)
-            if len(tries) == 3:
-                enough.set()
+def test_the_first_view_of_the_page_with_its_plots_stays_under_100_kilobytes() -> None:
+    files = read_files()
 
-        async def run(self) -> None:
-            raise OSError(errno.EADDRINUSE, "Address already in use")
-
-    tries: list[Taken] = []
-    enough = asyncio.Event()
-    monkeypatch.setattr("gateway.plugins.web.page.RETRY_S", 0.0)
-    gateway = FakeGateway(HandClock(), make_web_server=Taken)
-    task = asyncio.create_task(Page(cast("Any", gateway), web_settings()).run())
-
-    await enough.wait()
-    task.cancel()
-    await asyncio.gather(task, return_exceptions=True)
-
-    assert gateway.events == ["web_away"]
+    assert {"index.html", "style.css", "app.js"} <= files.keys()
+    assert sum(len(each.compressed) for each in files.values()) < 100_000  # uPlot's two, where it is built in
 
 
 def test_settings_are_plain_values_with_paths_below_the_configurations_folder() -> None:

@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import base64
-import hashlib
 import os
-import secrets
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -16,6 +13,7 @@ from typing import Any
 import pytest
 from playwright.async_api import Page, async_playwright, expect
 
+from gateway.system.password_hash import password_line
 from tests.end_to_end.plant import STARTERS, plant
 from tests.end_to_end.site import FOUR_FAMILIES, Program, Scada
 from tests.mosquitto import MosquittoBroker, free_port
@@ -38,14 +36,6 @@ def need_chromium() -> None:
         pytest.skip(text)
 
 
-def password_line(password: str) -> str:
-    """Return a password as the configuration stores it; computed here, not by the gateway."""
-    salt = secrets.token_bytes(16)
-    key = hashlib.scrypt(password.encode(), salt=salt, n=2**14, r=8, p=5, maxmem=64 * 2**20, dklen=32)
-    text = [base64.b64encode(each).decode().rstrip("=") for each in (salt, key)]
-    return f"$scrypt$ln=14,r=8,p=5${text[0]}${text[1]}"
-
-
 @dataclass
 class PagePlant:
     """What a test of the page has at hand."""
@@ -60,13 +50,6 @@ class PagePlant:
 PumpPage = tuple[PagePlant, Page]
 
 
-def page_table(port: int, line: str, web: str = "") -> str:
-    """Return the page's tables of a configuration, with one user whose password's line this is."""
-    return f'[web]\nlisten = "127.0.0.1:{port}"\n{web}' + table(
-        "[web.user]", name=USER, password=line, operator="alice"
-    )
-
-
 @asynccontextmanager
 async def page_plant(
     broker: MosquittoBroker,
@@ -78,7 +61,8 @@ async def page_plant(
 ) -> AsyncIterator[PagePlant]:
     """Run simulator and gateway with a page below a path, and wait until all starters are ready."""
     port = free_port()
-    more = page_table(port, password_line(PASSWORD), f'base_path = "{base_path}"\n')
+    user = table("[web.user]", name=USER, password=password_line(PASSWORD), operator="alice")
+    more = table("web", listen=f"127.0.0.1:{port}", base_path=base_path) + user
     async with plant(broker, folder, starters=starters, names=names, more=more) as (scada, gateway, config):
         await gateway.says("the status page is served")
         yield PagePlant(f"http://127.0.0.1:{port}{base_path}", scada, gateway, config, port)
@@ -121,15 +105,11 @@ async def browser() -> AsyncIterator[Browser]:
             await chromium.close()
 
 
-async def log_in(page: Page, password: str = PASSWORD) -> None:
+async def logged_in(page: Page, password: str = PASSWORD) -> None:
     await page.click("#account")
     await page.fill("input[name=user]", USER)
     await page.fill("input[name=password]", password)
     await page.click("#login-form button[type=submit]")
-
-
-async def logged_in(page: Page, password: str = PASSWORD) -> None:
-    await log_in(page, password)
     await page.get_by_role("button", name=f"{USER}: log out").wait_for()
 
 

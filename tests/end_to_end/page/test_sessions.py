@@ -33,37 +33,24 @@ async def paged() -> AsyncIterator[tuple[PageRig, str]]:
         yield rig, f"http://127.0.0.1:{port}/"
 
 
-async def test_a_session_that_was_not_used_for_too_long_ends_and_the_page_says_so() -> None:
+async def test_a_session_that_was_not_used_for_too_long_ends_and_nothing_is_lost_in_silence() -> None:
     async with paged() as (rig, url), browser() as chromium:
         page = await chromium.open(f"{url}#/starter/pump-1")
         await logged_in(page, "right")
         await expect(page.locator("button[data-action^='start ']")).to_be_enabled()
 
         rig.clock.s += IDLE_S + 1.0
+        await page.get_by_role("button", name="STOP").click()
 
+        asked = page.locator(".toast", has_text="stop pump-1")
+        await expect(asked).to_contain_text("not carried out: log in first")
+        assert rig.control.commands == []
         notice = page.locator(".toast", has_text="anna was logged out")
         await expect(notice).to_contain_text("Log in again to operate")
         await expect(page.locator("#account")).to_have_text("Log in")
         await expect(page.locator("#live")).to_have_text("LIVE")
         await logged_in(page, "right")
         await expect(notice).to_have_count(0)
-
-
-async def test_what_is_asked_for_just_after_the_session_ended_is_not_lost_in_silence() -> None:
-    async with paged() as (rig, url), browser() as chromium:
-        page = await chromium.open(f"{url}#/starter/pump-1")
-        await logged_in(page, "right")
-        stop = page.get_by_role("button", name="STOP")
-        await expect(stop).to_be_enabled()
-
-        rig.clock.s += IDLE_S + 1.0
-        await stop.click()
-
-        await expect(page.locator(".toast", has_text="stop pump-1")).to_contain_text(
-            "not carried out: log in first"
-        )
-        await expect(page.locator(".toast", has_text="anna was logged out")).to_be_visible()
-        assert rig.control.commands == []
 
 
 async def test_a_logout_in_another_tab_is_shown_here_and_ones_own_is_not() -> None:

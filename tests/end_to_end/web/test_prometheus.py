@@ -7,8 +7,8 @@ import json
 import re
 import urllib.parse
 import urllib.request
-from collections.abc import AsyncIterator, Callable
-from contextlib import asynccontextmanager
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
@@ -17,8 +17,8 @@ from tests.end_to_end.site import FOUR_FAMILIES
 from tests.metrics.contrib import RULES, panel_expressions
 from tests.metrics.promtool import program
 from tests.mosquitto import StartMosquitto, free_port
+from tests.waiting import until
 
-WITHIN_S = 20.0
 METRICS = '\n[metrics]\nall_points = true\ntoken_file = "metrics.token"\n'
 CONFIG = """\
 global: {{ scrape_interval: 1s, scrape_timeout: 1s, evaluation_interval: 1s }}
@@ -39,20 +39,18 @@ class Prometheus:
     def get(self, path: str, **query: str) -> Any:
         """Return the data of an answer; OSError when there is none, or an error."""
         url = f"{self._url}/{path}?{urllib.parse.urlencode(query)}"
-        with urllib.request.urlopen(url, timeout=WITHIN_S) as answer:
+        with urllib.request.urlopen(url, timeout=20.0) as answer:
             return json.load(answer)["data"]
 
-    async def until(self, expression: str, is_so: Callable[[list[Any]], bool] = bool) -> list[Any]:
-        """Return the series of an instant query, once it is so."""
-        async with asyncio.timeout(WITHIN_S):
-            while True:
-                try:
-                    found = (await asyncio.to_thread(self.get, "query", query=expression))["result"]
-                except OSError:
-                    found = []  # it begins
-                if is_so(found):
-                    return list(found)
-                await asyncio.sleep(0.2)
+    async def until(self, expression: str, least: int = 1) -> None:
+        """Wait until an instant query has so many series."""
+
+        def is_so() -> bool:
+            with suppress(OSError):  # it begins
+                return len(self.get("query", query=expression)["result"]) >= least
+            return False
+
+        await until(is_so, expression)
 
 
 @asynccontextmanager
@@ -87,8 +85,8 @@ async def test_a_real_prometheus_scrapes_the_plant_alerts_and_answers_the_dashbo
         page_plant(start_mosquitto(), tmp_path, starters=FOUR_FAMILIES + METRICS) as plant,
         prometheus(tmp_path, plant.port) as seen,
     ):
-        await seen.until("starter_gateway_starter_state == 1", lambda found: len(found) == 4)
-        await seen.until("starter_gateway_point_value", lambda found: len(found) > 60)
+        await seen.until("starter_gateway_starter_state == 1", 4)
+        await seen.until("starter_gateway_point_value", 61)
 
         await plant.scada.command("fan", "start", "1")
         plant.scada.set_knob("pump", "trip", "E05")
@@ -98,6 +96,6 @@ async def test_a_real_prometheus_scrapes_the_plant_alerts_and_answers_the_dashbo
 
         for expression in panel_expressions():
             of_all = re.sub(r"\$(gateway|line|starter)\b", ".*", expression)  # as Grafana does
-            await asyncio.to_thread(seen.get, "query", query=of_all)  # an error of Prometheus' is an OSError
-        rules = (await asyncio.to_thread(seen.get, "rules"))["groups"][0]["rules"]
+            seen.get("query", query=of_all)  # an error of Prometheus' is an OSError
+        rules = seen.get("rules")["groups"][0]["rules"]
         assert {rule["health"] for rule in rules} == {"ok"}

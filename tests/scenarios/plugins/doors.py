@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import UTC, datetime
 from typing import Any
 
@@ -21,6 +21,11 @@ NODE = "spBv1.0/plant/{}/plant"
 
 
 _numbers = itertools.count()
+
+
+def that(found: Callable[[RigPlant], Any], wanted: Any = True) -> Expectation:
+    """What is found is this: a value, a pattern, `...`, or a mapping that has a part of it."""
+    return lambda plant: _unlike(found(plant), wanted)
 
 
 # The page
@@ -69,12 +74,11 @@ def pressed(plant: RigPlant, verb: str, starter: str = "pump", **fields: Any) ->
 def phases(verb: str, *expected: str, starter: str = "pump", **fields: Any) -> Expectation:
     """A command by the page goes through these phases, each as `phase code`."""
 
-    def check(plant: RigPlant) -> str:
-        found = pressed(plant, verb, starter, **fields)
-        said = [f"{each['phase']} {each['code']}" for each in found.json.get("phases", ())]
-        return "" if said == list(expected) else f"{verb}: {found.text[:400]}"
+    def said(plant: RigPlant) -> list[str]:
+        found = pressed(plant, verb, starter, **fields).json
+        return [f"{each['phase']} {each['code']}" for each in found.get("phases", ())]
 
-    return check
+    return that(said, list(expected))
 
 
 # Sparkplug

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import json
 import re
 from typing import Any
 
 import pytest
 
+from gateway.plugins.homeassistant.entities import GATEWAY_IS_ON
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -26,9 +26,9 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK, SSW07, operator
+from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK, SSW07, operator, starter
 from tests.rig.state import with_document
-from tests.scenarios.plugins.doors import device, entity, press, shown
+from tests.scenarios.plugins.doors import device, entity, press, shown, that
 
 RIGHTS = operator("ha", ("stop", "start", "reset"))
 BUTTONS = HOME_ASSISTANT + 'operator = "ha"\ncommands = true\n'
@@ -46,6 +46,12 @@ def entities(name: str, *there: str, missing: tuple[str, ...] = ()) -> Expectati
         )
 
     return check
+
+
+def buttons(there: str) -> Expectation:
+    """The pump has these buttons, and what shows their results, and no others."""
+    missing = {"stop", "start", "reset", "result"} - set(there.split())
+    return entities("pump", "state", *there.split(), missing=tuple(missing))
 
 
 def one(key: str, name: str = "pump", **fields: Any) -> Expectation:
@@ -129,30 +135,27 @@ DISCOVERY = [
             ]
         },
     ),
-    row(
-        "without an operator there is no button",
-        given=SSW07 + RIGHTS + HOME_ASSISTANT,
-        then={5.0: entities("pump", "state", missing=("stop", "start", "reset", "result"))},
-    ),
-    row(
-        "without commands there is only the stop",
-        given=SSW07 + RIGHTS + HOME_ASSISTANT + 'operator = "ha"\n',
-        then={5.0: entities("pump", "stop", "result", missing=("start", "reset"))},
-    ),
-    row(
-        "a button appears only where the operator has the right",
-        given=FOUR + operator("ha", ("stop", "start"), ("pump",)) + BUTTONS,
-        then={
-            5.0: [
-                entities("pump", "stop", "start", missing=("reset",)),
-                entities("fan", missing=("stop", "start")),
-            ]
-        },
-    ),
-    row(
-        "a verb that needs a selection has no button",
-        given=HOME.replace("[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1),
-        then={5.0: entities("pump", "stop", "reset", missing=("start",))},
+    *(
+        row(f"{what} has these buttons: {there}", given=given, then={5.0: buttons(there)})
+        for what, given, there in (
+            ("a starter without an operator", SSW07 + RIGHTS + HOME_ASSISTANT, ""),
+            ("one without commands", SSW07 + RIGHTS + HOME_ASSISTANT + 'operator = "ha"\n', "stop result"),
+            (
+                "one whose operator lacks a right",
+                SSW07 + operator("ha", ("stop", "start")) + BUTTONS,
+                "stop start result",
+            ),
+            (
+                "one that is not its operator's",
+                SSW07 + starter("fan", 2, "ssw06") + operator("ha", ("stop", "start"), ("fan",)) + BUTTONS,
+                "",
+            ),
+            (
+                "one with a verb that needs a selection",
+                HOME.replace("[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1),
+                "stop reset result",
+            ),
+        )
     ),
     row(
         "prefix and page are those of the configuration",
@@ -176,10 +179,10 @@ DISCOVERY = [
 
 SHOWN = [
     row(
-        "Home Assistant shows what the starter says",
+        "Home Assistant shows what the starter says, and nothing of it while the gateway is away",
         given=HOME,
         sim={"pump": QUICK},
-        at={3.0: command("pump/ha/start"), 10.0: "pump trip E05"},
+        at={3.0: command("pump/ha/start"), 10.0: "pump trip E05", 25.0: "kill"},
         then={
             2.9: [
                 shown("state", "ready"),
@@ -194,6 +197,7 @@ SHOWN = [
                 shown("fault_code", "5"),
                 shown("current", "0.0"),
             ],
+            25.1: [shown("state", "unavailable"), shown("online", "unavailable")],
         },
     ),
     row(
@@ -205,24 +209,12 @@ SHOWN = [
                 shown("state", "unavailable"),
                 shown("current", "unavailable"),
                 shown("online", "offline"),
-                lambda plant: (
-                    ""
-                    if [
-                        each["topic"]
-                        for key in ("stop", "result")
-                        for each in entity(plant, key)["availability"]
-                    ]
-                    == 2 * [plant.topic("gateway/status")]
-                    else "not available"
+                that(
+                    lambda plant: [entity(plant, key)["availability"] for key in ("stop", "result")],
+                    2 * [[{"topic": "starters/plant/gateway/status", "value_template": GATEWAY_IS_ON}]],
                 ),
             ]
         },
-    ),
-    row(
-        "while the gateway is away everything is unavailable",
-        given=HOME,
-        at={5.0: "kill"},
-        then={5.1: [shown("state", "unavailable"), shown("online", "unavailable")]},
     ),
 ]
 
@@ -243,21 +235,21 @@ PRESSES = [
         },
     ),
     row(
-        "a start that comes late is refused",
-        given=HOME,
-        at={5.0: press("start", late_s=7.0)},
-        then={8.0: [result("start rejected expired"), frames("pump")]},
-    ),
-    row(
-        "the same press twice acts once, two presses are two commands",
+        "a late press is refused, the same press twice acts once, two presses are two commands",
         given=HOME,
         sim={"pump": QUICK},
-        at={5.0: [press("stop"), press("stop")], 9.0: press("start"), 13.0: press("start")},
+        at={
+            3.0: press("start", late_s=7.0),
+            5.0: [press("stop"), press("stop")],
+            9.0: press("start"),
+            13.0: press("start"),
+        },
         then={
+            4.5: [result("start rejected expired"), frames("pump")],
             20.0: [
                 seen("result/pump/ha", times=2, verb="start", phase="accepted"),
                 result("start rejected motor_running"),
-            ]
+            ],
         },
     ),
 ]
@@ -278,7 +270,7 @@ REMOVAL = [
         },
     ),
     row(
-        "one that left while the gateway was away is deleted at its start",
+        "an end of the gateway deletes nothing, its next start what has left the configuration meanwhile",
         given=FOUR + HOME_ASSISTANT,
         at={5.0: "end", 6.0: lambda plant: plant.write(SSW07 + HOME_ASSISTANT), 7.0: "start"},
         then={
@@ -299,15 +291,6 @@ REMOVAL = [
         then={5.0: [retained(device("pump"), components=...), retained(device(""), components=...)]},
     ),
     row(
-        "what is stored as announced before is deleted where nothing announces it now",
-        given=SSW07 + HOME_ASSISTANT,
-        before=lambda plant: (
-            with_document("announced", json.dumps([device("old")]))(plant),
-            plant.publish(device("old"), b"{}", retain=True),
-        ),
-        then={5.0: [retained(device("old")), retained(device("pump"), components=...)]},
-    ),
-    row(
         "without the table everything is deleted",
         given=FOUR + HOME_ASSISTANT,
         at={5.0: reload(FOUR), 10.0: reload(FOUR + HOME_ASSISTANT)},
@@ -315,12 +298,6 @@ REMOVAL = [
             9.0: retained("homeassistant/#"),
             14.0: [retained(device("mill"), components=...), retained(device(""), components=...)],
         },
-    ),
-    row(
-        "an end of the gateway deletes nothing",
-        given=SSW07 + HOME_ASSISTANT,
-        at={5.0: "end"},
-        then={6.0: retained(device("pump"), components=...)},
     ),
     row(
         "when Home Assistant begins, or the broker comes back empty, everything is announced again",

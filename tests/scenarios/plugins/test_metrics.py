@@ -15,7 +15,7 @@ OPEN_S = 1_795_219_200.0  # the scenario's beginning
 
 SERIES = [
     row(
-        "who runs here, since when, on which clock, and how fast and fresh a starter answers",
+        "who runs here, since when, how fast and fresh a starter answers; every counter begins with 0",
         given=SCRAPED,
         then={
             5.0: [
@@ -30,18 +30,6 @@ SERIES = [
                 sample("line_stop_latency_worst_seconds", None),
                 sample("starter_info", 1.0, **PUMP, family="ssw07", model="SSW-07 85.0A", firmware="1.40"),
                 sample("line_stop_latency_bound_seconds", line="pumps"),
-            ],
-            90.0: [  # a value that does not change is as fresh as its last reading
-                sample(LAST_GOOD, pytest.approx(OPEN_S + 89.5, abs=1), **PUMP),
-                sample("starter_response_seconds", pytest.approx(0.01, abs=0.01), **PUMP, quantile="0.5"),
-            ],
-        },
-    ),
-    row(
-        "every counter of a starter begins with 0",
-        given=SCRAPED,
-        then={
-            5.0: [
                 sample("starts_total", 0.0, **PUMP),
                 sample("start_drifts_total", 0.0, **PUMP),
                 sample("commands_unconfirmed_total", 0.0, **PUMP),
@@ -55,7 +43,11 @@ SERIES = [
                 sample("outbox_dropped_total", 0.0),
                 sample("outbox_refused_total", 0.0),
                 sample("commands_total", None),
-            ]
+            ],
+            90.0: [  # a value that does not change is as fresh as its last reading
+                sample(LAST_GOOD, pytest.approx(OPEN_S + 89.5, abs=1), **PUMP),
+                sample("starter_response_seconds", pytest.approx(0.01, abs=0.01), **PUMP, quantile="0.5"),
+            ],
         },
     ),
     row(
@@ -132,15 +124,21 @@ SERIES = [
         },
     ),
     row(
-        "how long stops wait is measured",
+        "how long stops wait is measured, and whether a starter is locked",
         given=SCRAPED,
-        at={3.0: command("pump/alice/stop")},
+        at={
+            3.0: command("pump/alice/stop"),
+            6.0: command("pump/alice/lock", args={"reason": "belt"}),
+            11.0: command("pump/alice/unlock"),
+        },
         then={
             5.0: [
                 sample("stop_latency_seconds_count", 1.0, line="pumps"),
                 sample("line_stop_latency_worst_seconds", pytest.approx(0.02, abs=0.05), line="pumps"),
                 sample("line_stop_latency_bound_seconds", line="pumps"),
-            ]
+            ],
+            9.0: sample("starter_locked", 1.0, **PUMP),
+            13.0: sample("starter_locked", 0.0, **PUMP),
         },
     ),
     row(
@@ -161,12 +159,6 @@ SERIES = [
         },
     ),
     row(
-        "a starter that is locked shows it",
-        given=SCRAPED,
-        at={3.0: command("pump/alice/lock", args={"reason": "belt"}), 8.0: command("pump/alice/unlock")},
-        then={6.0: sample("starter_locked", 1.0, **PUMP), 10.0: sample("starter_locked", 0.0, **PUMP)},
-    ),
-    row(
         "a disabled starter has its info and nothing else",
         given=SSW07 + "enabled = false\n" + WEB + METRICS,
         then={
@@ -174,7 +166,7 @@ SERIES = [
                 sample("starter_info", 1.0, **PUMP),
                 sample("starter_online", None),
                 sample("starts_total", None),
-            ]
+            ],
         },
     ),
     row(
@@ -207,9 +199,9 @@ SERIES = [
         },
     ),
     row(
-        "what waits for the broker, and since when",
+        "what waits for the broker, and since when, and a line whose port is away",
         given=SCRAPED,
-        at={10.0: "broker down", 40.0: "broker up"},
+        at={10.0: "broker down", 40.0: "broker up", 85.0: "line pumps unplug"},
         then={
             35.0: [
                 sample("broker_connected", 0.0),
@@ -221,13 +213,8 @@ SERIES = [
                 sample("broker_reconnects_total", 1.0),
                 sample("outbox_oldest_timestamp_seconds", None),
             ],
+            100.0: sample("line_open", 0.0, line="pumps"),
         },
-    ),
-    row(
-        "a line whose port is away shows it",
-        given=SCRAPED,
-        at={5.0: "line pumps unplug"},
-        then={20.0: sample("line_open", 0.0, line="pumps")},
     ),
     row(
         "a clock that is not trusted is 0",
