@@ -127,7 +127,6 @@ class Uplink:
                 on_link=self._note_link,
                 on_notice=self._publish_event,
                 on_read=self.leftovers.take,
-                on_version=self._note_version,
                 pulse=self._fresh,
             ),
         )
@@ -206,7 +205,7 @@ class Uplink:
         if settings == self._connection.settings:
             return
         await self._connection.move(settings, self.publisher.farewell(MOVED), within_s=FAREWELL_S)
-        self._note_link(False, f"moving to broker {settings.address}: {MOVED}")  # noqa: FBT003 - the callback's shape
+        self._note_link(None, f"moving to broker {settings.address}: {MOVED}")
 
     def stage(self, result: ResultRecord) -> Work | None:
         """Return what stores a final result for the broker, in the transaction of its command.
@@ -227,10 +226,11 @@ class Uplink:
         """Store what could not be published, for the next run; after `close`."""
         await self.disk_sync.close(within_s=STORE_WITHIN_S)
 
-    def _note_link(self, is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the callback's shape
+    def _note_link(self, version: Version | None, trouble: str) -> None:
         """Publish that the connection came or went; its run token comes and goes with it."""
         self._trouble = trouble
-        if is_connected:
+        if version is not None:
+            self._note_version(version)
             self._tokens.boot.connected(self._clock.now_s())
             self._publish_event(EventCode.BROKER_CONNECTED)
             self.leftovers.connected(self._connection)

@@ -35,8 +35,8 @@ class Incoming:
 
     Its response topic counts for nothing: results go to one topic, so that the broker's ACL decides who reads
     them. `expiry_s` and `correlation` come with MQTT 5 only. `is_live` says of a retained one that it was
-    published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it came before
-    the connection was reported.
+    published just now, which MQTT 5 alone shows; it means nothing where stored messages were asked for.
+    `is_early` says that it came before the connection was reported.
     """
 
     topic: str

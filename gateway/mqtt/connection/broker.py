@@ -10,13 +10,14 @@ from dataclasses import dataclass, replace
 from gateway.contract import Event
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
+from gateway.mqtt.connection.connect import FIRST_RETRY_S, LAST_RETRY_S, connected
 from gateway.mqtt.connection.link_news import LinkNews
-from gateway.mqtt.connection.reconnect import Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters import TOKEN_EVERY_S
+from gateway.system.rate_limits import Backoff
 from gateway.system.supervised import is_set_within, until_first
 
 log = logging.getLogger(__name__)
@@ -32,18 +33,18 @@ class Hooks:
 
     `will` makes the message that the broker publishes when the connection is lost. `on_incoming` takes each
     message below `command_filter`, `on_read` those that come because of `read`. `on_link` is called for each
-    change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
+    change: with the connection's version of MQTT (None: there is none), and what is wrong (also while
+    connected, when commands cannot arrive).
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
-    TOKEN_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
+    TOKEN_EVERY_S; it is made when it is sent, and never waits.
     """
 
     will: Callable[[], Message]
     on_incoming: Callable[[Incoming], None]
-    on_link: Callable[[bool, str], None]
+    on_link: Callable[[Version | None, str], None]
     on_notice: Callable[[Event], None]
     on_read: Callable[[Incoming], None]
-    on_version: Callable[[Version], None]
     pulse: Callable[[], Message]
 
 
@@ -135,7 +136,7 @@ class BrokerConnection:
 
     def _begin(self) -> None:
         """Begin with the present broker, of which nothing is known yet."""
-        self._attempts = Attempts(self.settings, seed=self.settings.seed)
+        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=self.settings.seed)
         self._news = LinkNews(self.settings, self._hooks.on_link, self._hooks.on_notice)
         self._is_outbox_shut = False
         self._farewell_code: int | None = None
@@ -152,8 +153,7 @@ class BrokerConnection:
         elif not incoming.topic.startswith(self._command_filter[:-2]):
             self._hooks.on_read(incoming)
         else:
-            is_live = incoming.is_retained and self._attempts.version is Version.V5  # it sends no stored ones
-            self._hooks.on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
+            self._hooks.on_incoming(replace(incoming, is_early=self._session is None))
 
     def _subscribe(self, session: Session, topic: str) -> None:
         def note(is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
@@ -165,29 +165,25 @@ class BrokerConnection:
     async def _stay_connected(self) -> None:
         """Connect, again and again, until closed; then only a move ends the wait."""
         while not self._closing.is_set():
-            if not await self._serve_once():
-                await is_set_within(self._closing, self._attempts.pause_s())
+            await self._serve_once()
+            await is_set_within(self._closing, self._backoff.next_s())
         await self._moved.wait()
 
-    async def _serve_once(self) -> bool:
-        """Connect and serve until the loss; return whether to connect again at once."""
-        session = Session(
-            self.settings,
-            self._attempts.version,
-            SessionParts(self._hooks.will(), self._take, self._acked, lambda notice: self._lost(notice, "")),
+    async def _serve_once(self) -> None:
+        """Connect and serve until the loss."""
+        parts = SessionParts(
+            self._hooks.will(), self._take, self._acked, lambda notice: self._lost(notice, "")
         )
+        session: Session | None = None
         try:
-            await session.connect()
+            session = await connected(self.settings, parts)
             is_subscribed = await session.subscribe(self._command_filter)
             await self._serve(session, is_deaf=not is_subscribed)
         except BrokerError as error:
-            if self._attempts.is_next_at_once(session.connack_code, is_closed=session.is_closed_unanswered):
-                log.debug("broker=%s %s; next: MQTT %s", self.settings.address, error, self._attempts.version)
-                return True
-            self._report(str(error), is_connected=False)
+            self._report(None, str(error))
         finally:
-            session.abort()
-        return False
+            if session is not None:
+                session.abort()
 
     async def _serve(self, session: Session, *, is_deaf: bool) -> None:
         holding = asyncio.get_running_loop().call_later(self.settings.steady_s, self._held)
@@ -195,11 +191,10 @@ class BrokerConnection:
         self._session = session
         self._outbox.connected(session.window)
         try:
-            self._hooks.on_version(self._attempts.version)
             for topic in self._listeners:
                 self._subscribe(session, topic)
             deaf = self._refusal(f"commands: no subscription to {self._command_filter}")
-            self._report(deaf if is_deaf else "", is_connected=True)
+            self._report(session.version, deaf if is_deaf else "")
             self._beat(session)
             self.wake()
             reason = await session.lost
@@ -210,17 +205,17 @@ class BrokerConnection:
                 self._beating.cancel()
             self._outbox.disconnected()
             self._acknowledged.set()
-            self._report(f"broker {self.settings.address}: {reason}", is_connected=False)
+            self._report(None, f"broker {self.settings.address}: {reason}")
         self._lost(session.notice, reason)
 
     def _held(self) -> None:
         """Count this connection as one that holds."""
-        self._attempts.held()
-        self._news.held(self._attempts.version)
+        self._backoff.reset()
+        self._news.held()
 
-    def _report(self, trouble: str, *, is_connected: bool) -> None:
+    def _report(self, version: Version | None, trouble: str) -> None:
         if not self._closing.is_set():
-            self._news.report(trouble, self._attempts.version, is_connected=is_connected)
+            self._news.report(version, trouble)
 
     def _lost(self, notice: Event | None, reason: str) -> None:
         if not self._closing.is_set():

@@ -24,29 +24,28 @@ class LinkNews:
     """The news of the connections to one broker."""
 
     settings: BrokerSettings
-    on_link: Callable[[bool, str], None]
+    on_link: Callable[[Version | None, str], None]
     on_notice: Callable[[Event], None]
     _noticed: set[str] = field(default_factory=set)  # the codes of notices, since a connection held
     _logged: list[str] = field(default_factory=list)  # troubles, likewise; empty for a connection without
     _short_ones: int = 0
-    _link: tuple[bool, str] = (False, "")
+    _link: tuple[Version | None, str] = (None, "")
 
-    def report(self, trouble: str, version: Version, *, is_connected: bool) -> None:
-        """Report a connection, or its loss, unless that is the state already."""
-        if (is_connected, trouble) == self._link:
+    def report(self, version: Version | None, trouble: str) -> None:
+        """Report a connection, or its loss (None), unless that is the state already."""
+        if (version, trouble) == self._link:
             return
-        self._link = (is_connected, trouble)
+        self._link = (version, trouble)
         if trouble not in self._logged:
-            self._log(trouble, version)
+            self._log()
         else:
             log.debug("broker=%s %s", self.settings.address, trouble or "connected")
-        self.on_link(is_connected, trouble)
+        self.on_link(version, trouble)
 
-    def held(self, version: Version) -> None:
+    def held(self) -> None:
         """Note that the connection has held; say so when the loss of an earlier one was logged last."""
-        _, trouble = self._link
-        if self._logged[-1:] != [trouble]:
-            self._log(trouble, version)
+        if self._logged[-1:] != [self._link[1]]:
+            self._log()
         self._noticed.clear()
         self._logged.clear()
         self._short_ones = 0
@@ -62,7 +61,8 @@ class LinkNews:
             self._noticed.add(notice.code)
             self.on_notice(notice)
 
-    def _log(self, trouble: str, version: Version) -> None:
+    def _log(self) -> None:
+        version, trouble = self._link
         self._logged.append(trouble)
         connected = f"broker={self.settings.address} connected, MQTT {version}"
         log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)

@@ -1,12 +1,6 @@
-"""Reconnecting to the broker: with which version and after which pause, and the wording of failures.
+"""Why a broker cannot be had: the reason codes that count here, and errors with hints.
 
-MQTT 5 first, and 3.1.1 only to a broker that refuses 5. A refusal is a CONNACK that says so, or a connection
-that the broker closed right upon the CONNECT, CLOSED times in a row, as brokers do that cannot even read a
-CONNECT of MQTT 5. Closed once, it may have been ended or restarted just then. Silence is never a refusal: a
-broker that stood still, or a stalled network, knows MQTT 5 as before, and 3.1.1 would hide the retained flag
-of what it delivers.
-
-`refused` and `unreachable` make a BrokerError, with a hint, from a CONNACK or an error of TCP or TLS.
+`refused` and `unreachable` make a BrokerError from a CONNACK, and from an error of TCP or TLS.
 """
 
 from __future__ import annotations
@@ -15,12 +9,7 @@ import socket
 import ssl
 
 from gateway.errors import BrokerError
-from gateway.mqtt.connection.settings import BrokerSettings, Version
-from gateway.system.rate_limits import Backoff
 
-FIRST_RETRY_S = 0.5
-LAST_RETRY_S = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
-CLOSED = 2  # so often it is a refusal
 FIRST_FAILURE = 0x80  # reason codes from here on [MQTT5 2.4]
 UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for code 1 of [MQTT3 3.2.2.3]
 PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
@@ -60,39 +49,3 @@ def unreachable(address: str, error: OSError | ValueError) -> BrokerError:
             return BrokerError(f"broker {address}: nothing listens there", "is the broker running?")
         case _:
             return BrokerError(f"broker {address}: {error}")
-
-
-class Attempts:
-    """Those of one client; its seed keeps it out of step with others. `version` is the next attempt's."""
-
-    def __init__(self, settings: BrokerSettings, *, seed: int) -> None:
-        self._forced = settings.version
-        self.version = settings.version or Version.V5
-        self._closed = 0
-        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=seed)
-
-    def is_next_at_once(self, connack_code: int | None, *, is_closed: bool) -> bool:
-        """Note that a connection could not be had; return whether to try at once again.
-
-        `connack_code` is None without a CONNACK; `is_closed` says that the broker closed instead.
-        """
-        if self.version is not Version.V5 or self._forced is not None:
-            return False
-        if connack_code is None and is_closed:
-            self._closed += 1
-            if self._closed < CLOSED:
-                return True
-        elif connack_code != UNSUPPORTED_VERSION:
-            return False
-        self.version = Version.V311
-        return True
-
-    def pause_s(self) -> float:
-        """Return how long to wait before the next attempt, which begins with the newest version."""
-        self.version = self._forced or Version.V5
-        self._closed = 0
-        return self._backoff.next_s()
-
-    def held(self) -> None:
-        """Note that a connection has held: the next pause is short again."""
-        self._backoff.reset()
