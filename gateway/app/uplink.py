@@ -35,7 +35,6 @@ from gateway.mqtt import (
     Hooks,
     Incoming,
     Leftovers,
-    Listener,
     Message,
     Outbox,
     Publisher,
@@ -70,6 +69,7 @@ class Uplink:
     ) -> None:
         self._sink = sink
         self._on_link: Callable[[str | None], None]
+        self._listeners: dict[str, Callable[[bytes], None]] = {}  # by topic
         self._trouble: str | None = None  # with the connection; None: there is none yet
         self._connection: BrokerConnection
         self.topics = Topics(site.config.base)
@@ -126,20 +126,22 @@ class Uplink:
                 on_incoming=on_incoming,
                 on_link=self._note_link,
                 on_notice=self._publish_event,
-                on_read=self.leftovers.take,
+                on_read=self._take,
                 pulse=self._fresh,
             ),
         )
         self.publisher.wake = self._connection.wake
 
-    def listen(self, topic: str, on_message: Listener) -> None:
-        """Have the payloads of one more topic, at whichever broker; none of them is ever a command."""
+    def listen(self, topic: str, on_message: Callable[[bytes], None]) -> None:
+        """Have the live payloads of one more topic, at any broker; none of them is ever a command."""
         if topic.startswith(self.topics.command_filter.removesuffix("#")):
             raise ValueError(f"{topic} is a topic of commands")
-        self._connection.listen(topic, on_message)
+        self._listeners[topic] = on_message
+        self._read(topic)
 
     def unlisten(self, topic: str) -> None:
         """Stop taking messages of a topic of `listen`."""
+        self._listeners.pop(topic, None)
         self._connection.unlisten(topic)
 
     def reconfigure(self, config: Config) -> None:
@@ -234,12 +236,29 @@ class Uplink:
             self._tokens.boot.connected(self._clock.now_s())
             self._publish_event(EventCode.BROKER_CONNECTED)
             self.leftovers.connected(self._connection)
+            for topic in self._listeners:
+                self._read(topic)
         else:
             self.leftovers.disconnected()
             self._tokens.boot.disconnected()
             self.publisher.restate()  # with the run token of the next connection
             self._publish_event(EventCode.BROKER_AWAY, trouble=trouble)
         self._on_link(trouble if trouble or self.leftovers.is_read else None)
+
+    def _read(self, topic: str) -> None:
+        def note(is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
+            if not is_permitted:
+                log.warning("broker refuses a subscription to %s: let this user read it", topic)
+
+        self._connection.read(topic, note)
+
+    def _take(self, incoming: Incoming) -> None:
+        """Pass on what comes on a topic that is read; what the broker has stored is for `leftovers` alone."""
+        on_message = self._listeners.get(incoming.topic)
+        if on_message is None:
+            self.leftovers.take(incoming)
+        elif not incoming.is_retained:
+            on_message(incoming.payload)
 
     def _note_read(self) -> None:
         self._on_link(self._trouble)

@@ -169,7 +169,7 @@ async def test_a_flood_leaves_the_loop_to_others_after_each_reading(monkeypatch:
     async with FakeBroker(after_suback=command(LEVEL_5, "read") * flood) as broker:
         settings = BrokerSettings(host="127.0.0.1", port=broker.port, client_id="plant")
         session = await connected(settings, SessionParts(on_incoming=arrived.append))
-        session.listen("b/command/#", lambda _: None)
+        session.read("b/command/#", lambda _: None)
         most = 0
         while len(arrived) < flood:
             before = len(arrived)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -20,10 +19,7 @@ from gateway.starters import TOKEN_EVERY_S
 from gateway.system.rate_limits import Backoff
 from gateway.system.supervised import is_set_within, until_first
 
-log = logging.getLogger(__name__)
-
 PULSE_RETRY_S = 0.1
-Listener = Callable[[bytes], None]  # takes a payload; must return at once
 FAREWELL_TICKET = 0  # the outbox counts from 1
 
 
@@ -51,7 +47,7 @@ class Hooks:
 class BrokerConnection:
     """The connection to one broker at a time. All calls belong on the loop that runs `run`.
 
-    Topics that are listened to must lie outside `command_filter`, whose messages are commands.
+    Topics that are read must lie outside `command_filter`, whose messages are commands.
     """
 
     def __init__(
@@ -61,7 +57,6 @@ class BrokerConnection:
         self._outbox = outbox
         self._command_filter = command_filter
         self._hooks = hooks
-        self._listeners: dict[str, Listener] = {}
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None
@@ -92,15 +87,8 @@ class BrokerConnection:
         if self._session is not None and self._sending is None:
             self._sending = asyncio.get_running_loop().call_soon(self._send)
 
-    def listen(self, topic: str, on_message: Listener) -> None:
-        """Have the payloads of one more topic from now on, on every connection; none of them is a command."""
-        self._listeners[topic] = on_message
-        if self._session is not None:
-            self._subscribe(self._session, topic)
-
     def unlisten(self, topic: str) -> None:
-        """Stop taking messages of a topic of `listen` or `read`."""
-        self._listeners.pop(topic, None)
+        """Stop taking messages of a topic of `read`."""
         if self._session is not None:
             self._session.unlisten(topic)
 
@@ -143,24 +131,14 @@ class BrokerConnection:
         self._closing.clear()
 
     def _take(self, incoming: Incoming) -> None:
-        """Pass a message on by its topic: to who listens there, else as a command.
+        """Pass a message on by its topic: as a command, or to who reads.
 
         It never waits for the answer to the subscription, which may be late or not come: it may be a stop.
         """
-        on_message = self._listeners.get(incoming.topic)
-        if on_message is not None:
-            on_message(incoming.payload)
-        elif not incoming.topic.startswith(self._command_filter[:-2]):
-            self._hooks.on_read(incoming)
-        else:
+        if incoming.topic.startswith(self._command_filter[:-2]):
             self._hooks.on_incoming(replace(incoming, is_early=self._session is None))
-
-    def _subscribe(self, session: Session, topic: str) -> None:
-        def note(is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
-            if not is_permitted:
-                log.warning("%s", self._refusal(f"a subscription to {topic}"))
-
-        session.listen(topic, note)
+        else:
+            self._hooks.on_read(incoming)
 
     async def _stay_connected(self) -> None:
         """Connect, again and again, until closed; then only a move ends the wait."""
@@ -191,10 +169,11 @@ class BrokerConnection:
         self._session = session
         self._outbox.connected(session.window)
         try:
-            for topic in self._listeners:
-                self._subscribe(session, topic)
-            deaf = self._refusal(f"commands: no subscription to {self._command_filter}")
-            self._report(session.version, deaf if is_deaf else "")
+            deaf = (
+                f"broker {self.settings.address} refuses commands: no subscription to {self._command_filter}"
+            )
+            hint = "let this user read it, in the broker's access list"
+            self._report(session.version, str(BrokerError(deaf, hint)) if is_deaf else "")
             self._beat(session)
             self.wake()
             reason = await session.lost
@@ -262,10 +241,6 @@ class BrokerConnection:
         # A message for each acknowledgement, one by one, would wake us and the broker for each.
         if session is not None and session.in_flight <= session.window // 2:
             self.wake()
-
-    def _refusal(self, what: str) -> str:
-        hint = "let this user read it, in the broker's access list"
-        return str(BrokerError(f"broker {self.settings.address} refuses {what}", hint))
 
     async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
         """Wait, for a limited time, for something that an acknowledgement or a loss may make true."""

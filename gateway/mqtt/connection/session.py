@@ -100,15 +100,16 @@ class Session:
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
         """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
         suback: asyncio.Future[bool] = self._loop.create_future()
-        self._ask(topic_filter, _options(handling=0 if with_retained else 2), suback.set_result)
+        handling = 0 if with_retained else 2  # 2: no stored ones; live ones show their retained flag too
+        options = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
+        self._ask(topic_filter, options, suback.set_result)
         return bool(await self._answer(suback, "SUBACK"))
 
-    def listen(self, topic: str, on_answer: Callable[[bool], None]) -> None:
-        """Subscribe to one more topic without waiting for the answer; a refusal changes nothing else."""
-        self._ask(topic, _options(handling=2), on_answer)
-
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
-        """Subscribe with QoS 0, which no queue of the broker limits; only what is stored is then retained."""
+        """Subscribe without waiting for the answer; a refusal changes nothing else.
+
+        No queue of the broker limits QoS 0. Only what is stored is marked as retained.
+        """
         options = SubscribeOptions(qos=0, retainAsPublished=False, retainHandling=0)
         self._ask(topic_filter, options, on_answer)
 
@@ -367,11 +368,6 @@ class Session:
             self._lose("the broker has stopped answering")
         else:
             self._lose(CONNECTION_LOST)
-
-
-def _options(*, handling: int) -> SubscribeOptions:
-    """Return options by which live messages show their retained flag too; `handling` 2: no stored ones."""
-    return SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
 
 
 def _properties(packet_type: int) -> Properties:
