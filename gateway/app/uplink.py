@@ -97,7 +97,7 @@ class Uplink:
             is_published=self.outbox.has,
             clear=self.publisher.clear,
             publish_event=publish_event,
-            on_read=self._note_read,
+            on_read=lambda: self._on_link(self._trouble),
         )
         self.reconfigure(site.config)
         self._renewal: Damped[None] = Damped(
@@ -259,9 +259,6 @@ class Uplink:
             self.leftovers.take(incoming)
         elif not incoming.is_retained:
             on_message(incoming.payload)
-
-    def _note_read(self) -> None:
-        self._on_link(self._trouble)
 
     def _is_configured(self, found: RetainedTopic) -> bool:
         """Return whether the starter or line of a retained topic is in the present configuration."""
