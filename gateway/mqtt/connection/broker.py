@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from gateway.contract import Event
@@ -100,6 +101,22 @@ class BrokerConnection:
         if self._session is not None:
             self._session.read(topic_filter, on_answer)
 
+    def beat(self) -> None:
+        """Send the pulse now, where there is a connection, or try again soon; it is made when it is sent.
+
+        With each pulse a part of the history may follow, so that it does not crowd out what is live.
+        """
+        if self._beating is not None:
+            self._beating.cancel()
+        if self._session is None or self._is_outbox_shut:
+            return
+        pause_s = PULSE_RETRY_S
+        if self._session.publish_now(self._hooks.pulse()):
+            pause_s = TOKEN_EVERY_S
+            self._outbox.grant_history()
+            self.wake()
+        self._beating = asyncio.get_running_loop().call_later(pause_s, self.beat)
+
     async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
         """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
 
@@ -174,7 +191,7 @@ class BrokerConnection:
             )
             hint = "let this user read it, in the broker's access list"
             self._report(session.version, str(BrokerError(deaf, hint)) if is_deaf else "")
-            self._beat(session)
+            self.beat()
             self.wake()
             reason = await session.lost
         finally:
@@ -200,27 +217,6 @@ class BrokerConnection:
         if not self._closing.is_set():
             self._news.lost(notice, reason)
 
-    def beat(self) -> None:
-        """Send the pulse now, where there is a connection: what it said before has become wrong."""
-        if self._session is not None:
-            self._beat(self._session)
-
-    def _beat(self, session: Session) -> None:
-        """Send the pulse, or try again soon; what could not be sent is made again.
-
-        With each pulse a part of the history may follow, so that it does not crowd out what is live.
-        """
-        if self._beating is not None:
-            self._beating.cancel()
-        if self._is_outbox_shut:
-            return
-        pause_s = PULSE_RETRY_S
-        if session.publish_now(self._hooks.pulse()):
-            pause_s = TOKEN_EVERY_S
-            self._outbox.grant_history()
-            self.wake()
-        self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
-
     def _send(self) -> None:
         self._sending = None
         while self._session is not None and not self._is_outbox_shut and not self._session.lost.done():
@@ -244,13 +240,11 @@ class BrokerConnection:
 
     async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
         """Wait, for a limited time, for something that an acknowledgement or a loss may make true."""
-        try:
+        with suppress(TimeoutError):
             async with asyncio.timeout(within_s):
                 while not is_true():
                     self._acknowledged.clear()
                     await self._acknowledged.wait()
-        except TimeoutError:
-            return
 
 
 def _has_room(session: Session) -> bool:

@@ -24,10 +24,9 @@ from gateway.contract import (
 from gateway.errors import BrokerError, GatewayError, NoResultError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.connect import connected
-from gateway.mqtt.connection.reasons import FIRST_FAILURE
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings
-from gateway.mqtt.message import Message
+from gateway.mqtt.message import FIRST_FAILURE, Message
 
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
 STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it

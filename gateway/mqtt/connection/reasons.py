@@ -10,7 +10,6 @@ import ssl
 
 from gateway.errors import BrokerError
 
-FIRST_FAILURE = 0x80  # reason codes from here on [MQTT5 2.4]
 UNSUPPORTED_VERSION = 0x84  # CONNACK [MQTT5 3.2.2.2]; paho says the same for code 1 of [MQTT3 3.2.2.3]
 PACKET_TOO_LARGE = 0x95  # [MQTT5 3.4.2.1]
 SESSION_TAKEN_OVER = 0x8E  # DISCONNECT [MQTT5 3.14.2.1]: another client has connected with our client id

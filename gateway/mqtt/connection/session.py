@@ -25,14 +25,13 @@ from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.client import MAX_INCOMING_BYTES, SessionClient, TooLargeError, too_large
 from gateway.mqtt.connection.reasons import (
-    FIRST_FAILURE,
     PACKET_TOO_LARGE,
     SESSION_TAKEN_OVER,
     refused,
     unreachable,
 )
 from gateway.mqtt.connection.settings import BrokerSettings, Version
-from gateway.mqtt.message import Message
+from gateway.mqtt.message import FIRST_FAILURE, Message
 
 CONNECTION_LOST = "connection lost"
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "subscribe", "message")]
