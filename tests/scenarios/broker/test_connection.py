@@ -12,7 +12,6 @@ from tests.rig import (
     clean_line,
     command,
     event,
-    frames,
     msg,
     never,
     play,
@@ -23,7 +22,7 @@ from tests.rig import (
     row,
     seen,
 )
-from tests.rig.sites import ALICE, HOME_ASSISTANT, QUICK, SSW07, table
+from tests.rig.sites import ALICE, QUICK, SSW07, table
 from tests.scenarios.broker.support import TRIP, afresh, broker, codes, count, holds
 
 MQTT_3 = table("mqtt", url="mqtt://127.0.0.1", version="3.1.1")
@@ -198,12 +197,6 @@ RIGHTS = [
                 msg("gateway/status", state="online"),
             ]
         },
-    ),
-    row(
-        "a gateway that listens for Home Assistant announces all again at its birth, which is no command",
-        given=SSW07 + ALICE + HOME_ASSISTANT,
-        at={20.0: publish("homeassistant/status", b"online", client="ha")},
-        then={60.0: [seen("homeassistant/device/+/config", since=20.0), never("audit"), frames("pump")]},
     ),
     row(
         "a slow broker holds neither the line nor a stop",

@@ -144,12 +144,6 @@ GHOSTS = [
         },
     ),
     row(
-        "an alarm of a starter that never had it is cleared",
-        given=SSW07,
-        before=lambda plant: plant.publish("starter/pump/alarm/e99", ALARM, client="plant", retain=True),
-        then={20.0: cleared("starter/pump/alarm/e99", since=0.0)},
-    ),
-    row(
         "a broker that does not let the gateway read its leftovers is named, and nothing is cleared",
         given=TWO,
         at={
