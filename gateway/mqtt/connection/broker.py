@@ -142,7 +142,7 @@ class BrokerConnection:
     def _begin(self) -> None:
         """Begin with the present broker, of which nothing is known yet."""
         self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=self.settings.seed)
-        self._news = LinkNews(self.settings, self._hooks.on_link, self._hooks.on_notice)
+        self._news = LinkNews(self.settings.client_id, self._hooks.on_link, self._hooks.on_notice)
         self._is_outbox_shut = False
         self._farewell_code: int | None = None
         self._closing.clear()
