@@ -29,7 +29,7 @@ def test_the_pauses_double_to_their_ceiling_and_are_short_again_after_a_connecti
     assert backoff.next_s() == 0.5
 
 
-class InTurn(dict[int, bytes | None]):
+class Successive(dict[int, bytes | None]):
     """The answers to one CONNECT after the other, whatever its version."""
 
     def __init__(self, answers: list[bytes | None]) -> None:
@@ -65,7 +65,7 @@ async def test_a_broker_that_refuses_mqtt_5_and_no_other_is_asked_in_3_1_1(
 ) -> None:
     if SILENCE in answers:
         monkeypatch.setattr("gateway.mqtt.connection.session.ANSWER_S", 0.5)
-    async with FakeBroker(InTurn(answers)) as broker:
+    async with FakeBroker(Successive(answers)) as broker:
         settings = BrokerSettings("127.0.0.1", broker.port, "g", version=version)
         if answers[-1] in (ACCEPT_5, ACCEPT_311):
             session = await connected(settings)
