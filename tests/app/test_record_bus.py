@@ -23,7 +23,6 @@ from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters import Policy
-from gateway.store import StateStore
 
 EVENT = EventRecord(starter="", code="a", severity=Severity.INFO, text="", time_s=0.0, seq=1)
 
@@ -56,7 +55,7 @@ def test_a_subscriber_gets_the_kinds_that_it_names_whatever_fails_in_another(
     assert "subscriber=Subscriber" in caplog.text
 
 
-@pytest.mark.parametrize("subscriber", [Policy, RecordLog, StateStore])
+@pytest.mark.parametrize("subscriber", [Policy, RecordLog])
 def test_a_subscriber_names_exactly_the_kinds_that_it_handles(subscriber: Any) -> None:
     assert handled_in(subscriber.put) == set(subscriber.takes)
 

@@ -38,6 +38,7 @@ from tests.scenarios.line.wires import (
     chatter,
     final_text,
     repeated,
+    requested_at_most,
     requests_on_wires,
     written,
 )
@@ -151,7 +152,8 @@ SCENARIOS = [
     ),
     case("a stop of a starter that has gone silent is written until its time ends, and is no_answer",
          "stop unconfirmed no_answer", {5.0: fault("silent", "pump"), 20.0: STOP},
-         seen("starter/pump/availability", state="offline"), final_text("may be turning"), until_s=31.0),
+         seen("starter/pump/availability", state="offline"), final_text("may be turning"),
+         requested_at_most(50, "pump", since=20.0), until_s=31.0),
     case("a stop of an offline starter is carried out when it comes back in time", "stop confirmed ok",
          {5.0: fault("silent", "pump", for_s=19.0), 20.0: STOP},
          msg("starter/pump/availability", state="online"), until_s=27.0),

@@ -132,6 +132,16 @@ def requests_on_wires(plant: RigPlant, name: str, since: float) -> list[tuple[fl
     return [(at_s, data[1:-2]) for at_s, data in sent if data[0] == address and at_s >= since]
 
 
+def requested_at_most(count: int, name: str, *, since: float) -> Expectation:
+    """A starter got so many requests at most from a time on, whether or not it was there."""
+
+    def check(plant: RigPlant) -> str:
+        found = len(requests_on_wires(plant, name, since))
+        return f"{found} requests to {name}" if found > count else ""
+
+    return check
+
+
 def asked_within_sweeps(sweeps: float, more_s: float, *, since: float, until: float) -> Expectation:
     """No starter was left without a request for longer than so many sweeps of this line."""
 

@@ -41,6 +41,7 @@ from gateway.starters.starter import StarterTelemetry
 logger = logging.getLogger(__name__)
 
 DEADLINE_S = 10.0  # of each message
+UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
 LAST_READING_S = 5.0  # after that a reading which waits for a full line is waited for no longer
 SEEN_WITHIN_S = 2.0  # before its end, so that a stop counts as seen
 
@@ -106,6 +107,7 @@ class Stopping:
         self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
+        self._unread = 0  # the latest of them in a row that were not answered
         self._shown: dict[str, Any] = {}  # by the latest of them
 
     def ask(self, released: Expect | None = None) -> StopOrder:
@@ -184,13 +186,15 @@ class Stopping:
                 self.frames.procedure()  # what cannot be built cannot be sent
             self._end_what_is_over(shown)
             self.frames.send_if_due()
-            if self._orders:
-                await self._wire.wait_for(asyncio.sleep(READ_BACK_PAUSE_S))
+            if self._orders:  # a silent starter costs its line a time-out each time
+                pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
+                await self._wire.wait_for(asyncio.sleep(pause_s))
 
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
         expect, number = self.frames.procedure().verify, self._readings
         rows = None if expect is None else await self._read_in_time(expect.reads)
+        self._unread = self._unread + 1 if rows is None else 0
         if expect is None or rows is None:
             return ()
         # What a start that is taken back needs besides: a starter may refuse it, and is stopped all the same.
