@@ -7,7 +7,6 @@ token (`boot`) follows the connection: the token of a lost one proves nothing an
 from __future__ import annotations
 
 import logging
-import secrets
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
@@ -291,5 +290,4 @@ def settings_of(site: Site) -> BrokerSettings:
         client_id=config.client_id,
         username=config.mqtt.username,
         password=site.password,
-        seed=secrets.randbits(32),
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import secrets
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -10,7 +11,7 @@ from dataclasses import dataclass, replace
 from gateway.contract import Event
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.connect import FIRST_RETRY_S, LAST_RETRY_S, connected
+from gateway.mqtt.connection.connect import FIRST_RETRY_S, LAST_RETRY_S, STEADY_S, connected
 from gateway.mqtt.connection.link_news import LinkNews
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, Version
@@ -141,7 +142,7 @@ class BrokerConnection:
 
     def _begin(self) -> None:
         """Begin with the present broker, of which nothing is known yet."""
-        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=self.settings.seed)
+        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=secrets.randbits(32))
         self._news = LinkNews(self.settings.client_id, self._hooks.on_link, self._hooks.on_notice)
         self._is_outbox_shut = False
         self._farewell_code: int | None = None
@@ -181,7 +182,7 @@ class BrokerConnection:
                 session.abort()
 
     async def _serve(self, session: Session, *, is_deaf: bool) -> None:
-        holding = asyncio.get_running_loop().call_later(self.settings.steady_s, self._held)
+        holding = asyncio.get_running_loop().call_later(STEADY_S, self._held)
         reason = "ended by an error inside the gateway"
         self._session = session
         self._outbox.connected(session.window)

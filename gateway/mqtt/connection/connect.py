@@ -20,6 +20,7 @@ log = logging.getLogger(__name__)
 
 FIRST_RETRY_S = 0.5
 LAST_RETRY_S = 4.0  # one client: what SCADA misses weighs more than what a broker has to refuse
+STEADY_S = 5.0  # a connection that held this long makes the next pause short again
 CLOSED = 2  # so often it is a refusal
 
 

@@ -19,6 +19,7 @@ from gateway.errors import BrokerError
 from gateway.mqtt import (
     FIRST_RETRY_S,
     LAST_RETRY_S,
+    STEADY_S,
     BrokerSettings,
     Incoming,
     Session,
@@ -161,7 +162,7 @@ class SparkplugService:
                 pause_s = self._sleeping_until_s - self._clock.now_s()
                 await is_set_within(self._wake, max(0.0, pause_s))
         finally:
-            if self._clock.now_s() - since_s >= server.steady_s:
+            if self._clock.now_s() - since_s >= STEADY_S:
                 self._backoff.reset()
 
     def _write(self, link: Session, server: BrokerSettings, number: int) -> float:
