@@ -174,27 +174,6 @@ MEMORY = [
             ]
         },
     ),
-    *(
-        row(
-            f"the state survives a kill at the very moment of a stop {what}: not repeated, and reported once",
-            given=SSW07 + ALICE,
-            sim={"pump": QUICK},
-            at={
-                4.0: command("pump/alice/start"),
-                7.0: command("pump/alice/stop", id=id_),
-                7.1: "kill",
-                9.0: "start",
-                15.0: "restart",
-            },
-            then={
-                25.0: [
-                    seen("result/pump/alice", id=id_, code="crashed", times=1),
-                    holds(lambda plant: all(at_s < 8.0 for at_s, _ in plant.starter("pump").writes)),
-                ]
-            },
-        )
-        for what, id_ in (("with an id", "s"), ("without", None))
-    ),
 ]
 
 
