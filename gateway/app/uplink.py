@@ -69,7 +69,6 @@ class Uplink:
         self._sink = sink
         self._on_link: Callable[[str | None], None]
         self._listeners: dict[str, Callable[[bytes], None]] = {}  # by topic
-        self._trouble: str | None = None  # with the connection; None: there is none yet
         self._connection: BrokerConnection
         self.topics = Topics(site.config.base)
         self._tokens = tokens
@@ -96,7 +95,7 @@ class Uplink:
             is_published=self.outbox.has,
             clear=self.publisher.clear,
             publish_event=publish_event,
-            on_read=lambda: self._on_link(self._trouble),
+            on_read=lambda: self._on_link(self._connection.trouble),
         )
         self.reconfigure(site.config)
         self._renewal: Damped[None] = Damped(
@@ -229,7 +228,6 @@ class Uplink:
 
     def _note_link(self, version: Version | None, trouble: str) -> None:
         """Publish that the connection came or went; its run token comes and goes with it."""
-        self._trouble = trouble
         if version is not None:
             self._note_version(version)
             self._tokens.boot.connected(self._clock.now_s())

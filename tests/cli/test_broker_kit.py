@@ -318,6 +318,7 @@ def test_a_copy_of_a_kit_is_that_of_a_second_gateway_at_the_broker(tmp_path: Pat
         (["--host={gateway}"], "is no ADDRESS"),
         (["--login", "x"], "is no NAME=OPERATOR"),
         (["--bridge", "central:x"], "is no HOST"),
+        (["--bridge", "central:65536"], "is no HOST"),
         (["--login", "..=alice"], "is no NAME=OPERATOR"),
         (["--bridge", "central evil:8883"], "is no HOST"),
         (["--bridge", "[::1]:8883"], "is no HOST"),

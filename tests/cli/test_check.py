@@ -45,22 +45,6 @@ def test_a_file_that_this_user_may_not_read_is_a_warning(
     assert "plant-ca.pem may not be read (let this user read it)" in capsys.readouterr().out
 
 
-def test_one_adapter_under_two_names_is_a_mistake(folder: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    here, there = os.openpty()
-    device, link = os.ttyname(there), folder / "usb-FTDI"
-    link.symlink_to(device)
-    other = f'[[line]]\nname = "fans"\nport = "{device}"\nbaud = 9600\nframing = "8N1"\n'
-    other += '[[line.starter]]\nname = "fan"\naddress = 1\nfamily = "ssw07"\n'
-    (folder / "site.toml").write_text(changed(("/dev/rs485-pumps", str(link))) + other, "utf-8")
-
-    assert main(["check", str(folder / "site.toml")]) == 78
-    os.close(here)
-    os.close(there)
-
-    error = capsys.readouterr().err
-    assert f"line[1].port: '{device}' is also line[0].port (put all starters of a port under" in error
-
-
 def test_where_this_user_may_not_look_nothing_is_accepted(
     folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -67,6 +67,11 @@ class BrokerConnection:
         self._acknowledged = asyncio.Event()
         self._begin()
 
+    @property
+    def trouble(self) -> str:
+        """Return what is wrong with the connection; empty for nothing."""
+        return self._news.link[1]
+
     async def run(self) -> None:
         """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
         try:

@@ -19,14 +19,14 @@ class LinkNews:
     client_id: str
     on_link: Callable[[Version | None, str], None]
     on_notice: Callable[[Event], None]
+    link: tuple[Version | None, str] = (None, "")  # the version, and what is wrong, as reported last
     _noticed: set[str] = field(default_factory=set)  # the codes of notices, since a connection held
     _short_ones: int = 0
-    _link: tuple[Version | None, str] = (None, "")
 
     def report(self, version: Version | None, trouble: str) -> None:
         """Report a connection, or its loss (None), unless that is the state already."""
-        if (version, trouble) != self._link:
-            self._link = (version, trouble)
+        if (version, trouble) != self.link:
+            self.link = (version, trouble)
             self.on_link(version, trouble)
 
     def held(self) -> None:

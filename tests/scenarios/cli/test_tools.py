@@ -261,13 +261,6 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         sim={"p1": {"settings": {314: 1}}},
         absent=tuple(f"p{n}" for n in range(2, 9)),
     ),
-    looked(
-        "settings that stand as delivered are named",
-        SSW07,
-        r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)",
-        code=None,
-        sim={"pump": {"settings": {220: 3, 230: 2}}},
-    ),
     asked(
         "where a gateway holds the port it is asked instead",
         SSW900 + ALICE,
