@@ -26,7 +26,10 @@ from dataclasses import dataclass
 
 
 class GatewayError(Exception):
-    """Root of all exceptions that this package raises on purpose."""
+    """Root of all exceptions that this package raises on purpose; `hint` is the remedy, in the text too."""
+
+    def __init__(self, text: str = "", hint: str = "") -> None:
+        super().__init__(f"{text} ({hint})" if hint else text)
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +63,13 @@ class UsageError(GatewayError):
 class StartError(GatewayError):
     """The gateway must not run here now: another one does, or its user may not write where it has to."""
 
-    def __init__(self, reason: str, hint: str) -> None:
-        super().__init__(f"{reason} ({hint})")
-
 
 class PortError(GatewayError):
     """A port cannot be opened: missing, busy, not permitted, not a tty."""
 
     def __init__(self, port: str, reason: str, hint: str = "") -> None:
-        self.port = port
         self.reason = reason
-        self.hint = hint
-        super().__init__(f"port {port}: {reason}" + (f" ({hint})" if hint else ""))
+        super().__init__(f"port {port}: {reason}", hint)
 
 
 class PortLostError(PortError):
@@ -116,11 +114,6 @@ class NewerError(StoreError):
 
 class BrokerError(GatewayError):
     """The broker refused the connection or cannot be reached."""
-
-    def __init__(self, reason: str, hint: str = "") -> None:
-        self.reason = reason
-        self.hint = hint
-        super().__init__(reason + (f" ({hint})" if hint else ""))
 
 
 class NoResultError(GatewayError):

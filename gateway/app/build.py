@@ -50,7 +50,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     clock = SystemClock()
     started_s = clock.utc_s()
     clock_watch = ClockWatch(config.gateway.clock, ask=io.is_clock_synchronised)
-    suspend_watch = SuspendWatch(clock.now_s)
+    suspend_watch = SuspendWatch(clock)
     boot = RunToken(secrets.token_hex(8))
     tokens = Tokens(boot)
     bus = RecordBus(log_failure)

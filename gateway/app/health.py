@@ -52,7 +52,6 @@ class Health:
         self._watchdog_every_s = watchdog_every_s  # half of systemd's limit
         self._publish_event = publish_event
         self.lag = LagMeter()  # of the application's loop
-        self._lines_lag = lines_lag
         self._lag_watches = (
             _LagWatch("the gateway's own loop", self.lag, publish_event),
             _LagWatch("the lines' loop", lines_lag, publish_event),
@@ -154,7 +153,9 @@ class Health:
         self._notifier.status("; ".join(troubles) or "polling")
 
     def _publish_statistics(self, now_s: float) -> None:
-        lag_s = {"line": round(self._lines_lag.worst_s, 4), "gateway": round(self.lag.worst_s, 4)}
+        own, lines = self._lag_watches
+        lag_s = {"line": round(lines.worst_s, 4), "gateway": round(own.worst_s, 4)}
+        own.worst_s = lines.worst_s = 0.0
         for line in self._lines.values():
             self._sink.put(line.record(lag_s, now_s))
 
@@ -163,6 +164,7 @@ class _LagWatch:
     """Reports one loop's delays: the first that is too long, and again only after a minute without one."""
 
     shortest_watchdog_s: float | None = None
+    worst_s = 0.0  # since the latest statistics
 
     def __init__(self, what: str, meter: LagMeter, publish_event: PublishEvent) -> None:
         self._what = what
@@ -172,6 +174,7 @@ class _LagWatch:
 
     def look(self, now_s: float) -> None:
         worst_s = self._meter.take_worst_s()
+        self.worst_s = max(self.worst_s, worst_s)
         if worst_s > (self.shortest_watchdog_s or float("inf")) / 3 and self._alarm.sounds(now_s):
             self._publish_event(EventCode.LAG, loop=self._what, late_s=worst_s)
         if worst_s > LAG_WARNS_S and self._warning.sounds(now_s):

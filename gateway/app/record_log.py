@@ -1,6 +1,6 @@
 """What the journal says of starters and commands: one line for each thing that happened, with its name.
 
-Events and final results are logged here and nowhere else, so that nothing is said twice.
+Events and final results are logged here and nowhere else, so that nothing is logged twice.
 """
 
 from __future__ import annotations
@@ -27,9 +27,6 @@ log = logging.getLogger("gateway")
 MOST_UNDER_WAY = 1000  # commands of which is known when they were accepted
 SAID_BY_RESULT = frozenset(
     {EventCode.STOP_UNCONFIRMED, EventCode.LOCKED, EventCode.UNLOCKED, EventCode.IDENTITY_ACCEPTED}
-)
-LOGGED_WHERE_THEY_ARISE = frozenset(
-    {EventCode.BROKER_CONNECTED, EventCode.BROKER_AWAY, EventCode.RELOAD_REFUSED}  # each mistake
 )
 NOT_YET_READ = "not yet read"  # a starter's reason before anything is known of it
 
@@ -68,9 +65,10 @@ class RecordLog:
                 pass
 
     def _log_event(self, event: EventRecord) -> None:
-        if event.code in SAID_BY_RESULT | LOGGED_WHERE_THEY_ARISE:
-            return
-        log.log(_LEVELS[event.severity], "%s%s", _line(event.starter, event.text), _frames(event.data))
+        # Of a refused reload each mistake is logged where it is found.
+        if event.code not in SAID_BY_RESULT | {EventCode.RELOAD_REFUSED}:
+            text = _line(event.starter, event.text)
+            log.log(_LEVELS[event.severity], "%s%s", text, _frames(event.data))
 
     def _log_result(self, result: ResultRecord) -> None:
         """Log the end of a command; of a repeated one nothing is new."""

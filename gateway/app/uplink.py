@@ -7,7 +7,6 @@ token (`boot`) follows the connection: the token of a lost one proves nothing an
 from __future__ import annotations
 
 import logging
-import secrets
 from collections.abc import Callable
 from concurrent.futures import Future
 from typing import Any
@@ -35,7 +34,6 @@ from gateway.mqtt import (
     Hooks,
     Incoming,
     Leftovers,
-    Listener,
     Message,
     Outbox,
     Publisher,
@@ -70,7 +68,7 @@ class Uplink:
     ) -> None:
         self._sink = sink
         self._on_link: Callable[[str | None], None]
-        self._trouble: str | None = None  # with the connection; None: there is none yet
+        self._listeners: dict[str, Callable[[bytes], None]] = {}  # by topic
         self._connection: BrokerConnection
         self.topics = Topics(site.config.base)
         self._tokens = tokens
@@ -97,7 +95,7 @@ class Uplink:
             is_published=self.outbox.has,
             clear=self.publisher.clear,
             publish_event=publish_event,
-            on_read=self._note_read,
+            on_read=lambda: self._on_link(self._connection.trouble),
         )
         self.reconfigure(site.config)
         self._renewal: Damped[None] = Damped(
@@ -126,21 +124,22 @@ class Uplink:
                 on_incoming=on_incoming,
                 on_link=self._note_link,
                 on_notice=self._publish_event,
-                on_read=self.leftovers.take,
-                on_version=self._note_version,
+                on_read=self._take,
                 pulse=self._fresh,
             ),
         )
         self.publisher.wake = self._connection.wake
 
-    def listen(self, topic: str, on_message: Listener) -> None:
-        """Have the payloads of one more topic, at whichever broker; none of them is ever a command."""
+    def listen(self, topic: str, on_message: Callable[[bytes], None]) -> None:
+        """Have the live payloads of one more topic, at any broker; none of them is ever a command."""
         if topic.startswith(self.topics.command_filter.removesuffix("#")):
             raise ValueError(f"{topic} is a topic of commands")
-        self._connection.listen(topic, on_message)
+        self._listeners[topic] = on_message
+        self._read(topic)
 
     def unlisten(self, topic: str) -> None:
         """Stop taking messages of a topic of `listen`."""
+        self._listeners.pop(topic, None)
         self._connection.unlisten(topic)
 
     def reconfigure(self, config: Config) -> None:
@@ -206,7 +205,7 @@ class Uplink:
         if settings == self._connection.settings:
             return
         await self._connection.move(settings, self.publisher.farewell(MOVED), within_s=FAREWELL_S)
-        self._note_link(False, f"moving to broker {settings.address}: {MOVED}")  # noqa: FBT003 - the callback's shape
+        self._note_link(None, f"moving to broker {settings.address}: {MOVED}")
 
     def stage(self, result: ResultRecord) -> Work | None:
         """Return what stores a final result for the broker, in the transaction of its command.
@@ -227,13 +226,15 @@ class Uplink:
         """Store what could not be published, for the next run; after `close`."""
         await self.disk_sync.close(within_s=STORE_WITHIN_S)
 
-    def _note_link(self, is_connected: bool, trouble: str) -> None:  # noqa: FBT001 - the callback's shape
+    def _note_link(self, version: Version | None, trouble: str) -> None:
         """Publish that the connection came or went; its run token comes and goes with it."""
-        self._trouble = trouble
-        if is_connected:
+        if version is not None:
+            self._note_version(version)
             self._tokens.boot.connected(self._clock.now_s())
             self._publish_event(EventCode.BROKER_CONNECTED)
             self.leftovers.connected(self._connection)
+            for topic in self._listeners:
+                self._read(topic)
         else:
             self.leftovers.disconnected()
             self._tokens.boot.disconnected()
@@ -241,8 +242,20 @@ class Uplink:
             self._publish_event(EventCode.BROKER_AWAY, trouble=trouble)
         self._on_link(trouble if trouble or self.leftovers.is_read else None)
 
-    def _note_read(self) -> None:
-        self._on_link(self._trouble)
+    def _read(self, topic: str) -> None:
+        def note(is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
+            if not is_permitted:
+                log.warning("broker refuses a subscription to %s: let this user read it", topic)
+
+        self._connection.read(topic, note)
+
+    def _take(self, incoming: Incoming) -> None:
+        """Pass on what comes on a topic that is read; what the broker has stored is for `leftovers` alone."""
+        on_message = self._listeners.get(incoming.topic)
+        if on_message is None:
+            self.leftovers.take(incoming)
+        elif not incoming.is_retained:
+            on_message(incoming.payload)
 
     def _is_configured(self, found: RetainedTopic) -> bool:
         """Return whether the starter or line of a retained topic is in the present configuration."""
@@ -275,5 +288,4 @@ def settings_of(site: Site) -> BrokerSettings:
         client_id=config.client_id,
         username=config.mqtt.username,
         password=site.password,
-        seed=secrets.randbits(32),
     )

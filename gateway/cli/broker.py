@@ -17,7 +17,7 @@ from pathlib import Path
 from gateway.config import VARIABLE, Config, broker_of, password_in, secret_of
 from gateway.contract import is_level
 from gateway.errors import BrokerError, UsageError
-from gateway.mqtt import BrokerSettings, Incoming, Message, Session, connected
+from gateway.mqtt import BrokerSettings, Incoming, Message, Session, SessionParts, connected
 
 AGAIN_S = 2.0  # between two attempts to connect
 
@@ -108,7 +108,7 @@ class Subscription:
 
     async def connect(self) -> asyncio.Future[str]:
         """Connect and subscribe; the future is done when the connection is lost. BrokerError."""
-        session, _ = await connected(self._settings, on_incoming=self._on_incoming)
+        session = await connected(self._settings, SessionParts(on_incoming=self._on_incoming))
         for topic in self._filters:
             if not await session.subscribe(topic, with_retained=True):
                 session.abort()

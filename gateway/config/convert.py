@@ -72,7 +72,6 @@ def broker_of(
     client_id: str,
     username: str | None,
     password: str | None,
-    seed: int = 0,
 ) -> BrokerSettings:
     """Return the way to a broker as this client and login; `folder` is the configuration's."""
     return BrokerSettings(
@@ -84,7 +83,6 @@ def broker_of(
         tls=_tls_of(mqtt, folder) if mqtt.is_tls else None,
         version=None if mqtt.version == "auto" else Version(mqtt.version),
         keepalive_s=mqtt.keepalive_s,
-        seed=seed,
     )
 
 

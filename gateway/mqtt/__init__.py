@@ -5,10 +5,10 @@ Nothing outside reaches past this door. `Session` keeps the connection, `Publish
 """
 
 from gateway.mqtt.commands import Incoming, IncomingCommands
-from gateway.mqtt.connection.broker import BrokerConnection, Hooks, Listener
-from gateway.mqtt.connection.command_client import CommandClient, connected
+from gateway.mqtt.connection.broker import BrokerConnection, Hooks
+from gateway.mqtt.connection.command_client import CommandClient
+from gateway.mqtt.connection.connect import FIRST_RETRY_S, LAST_RETRY_S, STEADY_S, connected
 from gateway.mqtt.connection.inbox import Inbox
-from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings, Version
 from gateway.mqtt.leftovers import Leftovers

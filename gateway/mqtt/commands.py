@@ -5,7 +5,7 @@ Its freshness and its starter are judged elsewhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from gateway.contract import (
@@ -35,8 +35,8 @@ class Incoming:
 
     Its response topic counts for nothing: results go to one topic, so that the broker's ACL decides who reads
     them. `expiry_s` and `correlation` come with MQTT 5 only. `is_live` says of a retained one that it was
-    published just now and not stored before, which MQTT 5 alone shows. `is_early` says that it came before
-    the connection was reported.
+    published just now, which MQTT 5 alone shows; it means nothing where stored messages were asked for.
+    `is_early` says that it came before the connection was reported.
     """
 
     topic: str
@@ -131,19 +131,16 @@ class IncomingCommands:
         received = command_in(address, incoming, received_s, verb_error=self._dispatcher.verb_error)
         self._commands.submit(received.request, received.refusal)
         if received.refusal is not None and received.problem:
-            malformed = {
-                "problem": received.problem,
-                "topic": shortened(incoming.topic, 120),
-                "why": received.refusal.text,
-            }
+            malformed = (received.problem, shortened(incoming.topic, 120), received.refusal.text)
             self._malformed.put(received.problem, malformed)
 
-    def _publish_malformed(self, malformed: Mapping[str, str], count: int) -> None:
+    def _publish_malformed(self, malformed: tuple[str, str, str], count: int) -> None:
+        problem, topic, why = malformed
         self._publish_event(
             EventCode.MALFORMED_TOPIC,
             "several" if count else "one",
-            problem=malformed["problem"],
-            topic=malformed["topic"],
+            problem=problem,
+            topic=topic,
             count=max(count, 1),
-            why=malformed["why"],
+            why=why,
         )

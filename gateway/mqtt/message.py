@@ -7,6 +7,7 @@ from typing import NamedTuple
 from gateway.contract import Record, ResultRecord
 
 MAX_HISTORY_ITEMS = 200  # in one message
+FIRST_FAILURE = 0x80  # the broker's reason codes from here on are refusals [MQTT5 2.4]
 
 
 class Message(NamedTuple):

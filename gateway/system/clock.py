@@ -110,7 +110,7 @@ def kernel_says_synchronised() -> bool | None:
         state = ctypes.CDLL(None).adjtimex(ctypes.byref(timex))
     except (OSError, AttributeError):
         return None
-    return None if state < 0 else is_synchronised_state(state, timex.status)
+    return None if state < 0 else state != TIME_ERROR and not timex.status & STA_UNSYNC
 
 
 def is_kernel_clock_synchronised() -> bool:
@@ -125,11 +125,6 @@ def is_kernel_clock_synchronised() -> bool:
         return 0 <= time.time() - TIMESYNC_MARK.stat().st_mtime <= MARK_VALID_S
     except OSError:
         return False
-
-
-def is_synchronised_state(state: int, status: int) -> bool:
-    """Return what adjtimex said: its return value and the status beside it."""
-    return state != TIME_ERROR and not status & STA_UNSYNC
 
 
 def read_clocks() -> ClockReading:

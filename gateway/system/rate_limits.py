@@ -17,7 +17,6 @@ from typing import Generic, TypeVar
 from gateway.system.clock import Clock
 
 REFUSAL_EVERY_S = 0.1  # refusals to one client
-MOST_STEPS = 16  # beyond that no pause of a back-off grows
 
 T = TypeVar("T")
 
@@ -126,16 +125,16 @@ class Backoff:
         self._first_s = first_s
         self._longest_s = longest_s
         self._chance = None if seed is None else random.Random(seed)
-        self._attempts = 0
+        self._next_s = first_s
 
     def next_s(self) -> float:
         """Return how long to wait before the next attempt."""
-        pause_s = min(self._first_s * 2.0 ** min(self._attempts, MOST_STEPS), self._longest_s)
-        self._attempts += 1
+        pause_s = min(self._next_s, self._longest_s)
+        self._next_s = 2.0 * pause_s
         if self._chance is not None:
             pause_s *= 1 - 0.25 * self._chance.random()
         return max(pause_s, self._first_s)
 
     def reset(self) -> None:
         """Begin again with the shortest pause."""
-        self._attempts = 0
+        self._next_s = self._first_s

@@ -5,13 +5,13 @@ from __future__ import annotations
 import asyncio
 import bisect
 import math
-import time
 from collections.abc import Callable, Sequence
 from itertools import accumulate
 from typing import NamedTuple
 
+from gateway.system.clock import Clock, ClockReading
+
 TICK_S = 0.25
-WINDOW_S = 60.0
 LAG_BOUNDS_S = (0.001, 0.002, 0.005, 0.01, 0.05, 0.25, 1.0)
 SUSPEND_LIMIT_S = 2.0  # below any command's default validity, above a busy machine's worst delay
 LOOK_EVERY_S = 0.25
@@ -49,39 +49,25 @@ class DelayCounts:
 
 
 class LagMeter:
-    """The worst delays of one loop. `run` belongs to that loop; the rest may be read from anywhere.
+    """The worst delay of one loop. `run` belongs to that loop; the rest may be read from anywhere.
 
     A loop that stood still for some time shows that time, less up to one tick.
     """
 
     def __init__(self) -> None:
-        self._worst_s = 0.0  # in the present minute
-        self._before_s = 0.0  # in the minute before it
-        self._began_s = float("-inf")
-        self._unread_s = 0.0
+        self._worst_s = 0.0  # since it was taken
         self.delays = DelayCounts(LAG_BOUNDS_S)  # of each tick
-
-    @property
-    def worst_s(self) -> float:
-        """Return the worst delay of the last one to two minutes."""
-        return max(self._worst_s, self._before_s)
 
     def take_worst_s(self) -> float:
         """Return the worst delay since the last call."""
-        worst_s, self._unread_s = self._unread_s, 0.0
+        worst_s, self._worst_s = self._worst_s, 0.0
         return worst_s
 
-    def note(self, delay_s: float, now_s: float) -> None:
+    def note(self, delay_s: float) -> None:
         """Record one delay."""
         self.delays.note(delay_s)
-        if now_s - self._began_s >= WINDOW_S:
-            self._before_s = self._worst_s if now_s - self._began_s < 2 * WINDOW_S else 0.0
-            self._worst_s = 0.0
-            self._began_s = now_s
         if delay_s > self._worst_s:
             self._worst_s = delay_s
-        if delay_s > self._unread_s:
-            self._unread_s = delay_s
 
     async def run(self) -> None:
         """Measure until cancelled."""
@@ -89,13 +75,7 @@ class LagMeter:
         while True:
             due_s = loop.time() + TICK_S
             await asyncio.sleep(TICK_S)
-            now_s = loop.time()
-            self.note(max(now_s - due_s, 0.0), now_s)
-
-
-def up_s() -> float:
-    """Return seconds on a clock that also runs while the machine sleeps."""
-    return time.clock_gettime(time.CLOCK_BOOTTIME)
+            self.note(max(loop.time() - due_s, 0.0))
 
 
 class SuspendWatch:
@@ -105,26 +85,19 @@ class SuspendWatch:
     first clock. A virtual machine that was paused shows on the second only, when that clock is set.
     """
 
-    def __init__(
-        self,
-        now_s: Callable[[], float] = time.monotonic,
-        *,
-        up_s: Callable[[], float] = up_s,
-        utc_s: Callable[[], float] = time.time,
-    ) -> None:
+    def __init__(self, clock: Clock) -> None:
         self.on_suspended: Callable[[float], None] = lambda _: None  # gets how long it lasted
-        self._now_s = now_s  # the steady clock
+        self._clock = clock
         self._ended_s = -math.inf
-        self._clocks = (up_s, utc_s)
-        self._seen_s: tuple[float, ...] | None = None
+        self._seen: ClockReading | None = None
 
     def look(self) -> None:
         """Notice a suspension that ended since the last look; to be called before any command is judged."""
-        now_s = tuple(clock() for clock in self._clocks)
-        seen_s, self._seen_s = self._seen_s or now_s, now_s
-        longest_s = max(now - seen for now, seen in zip(now_s, seen_s, strict=True))
+        now = self._clock.reading()
+        seen, self._seen = self._seen or now, now
+        longest_s = max(now.up_s - seen.up_s, now.utc_s - seen.utc_s)
         if longest_s > SUSPEND_LIMIT_S:
-            self._ended_s = self._now_s()
+            self._ended_s = self._clock.now_s()
             self.on_suspended(longest_s)
 
     def ended_s(self) -> float:

@@ -16,18 +16,13 @@ def private(path: str, flags: int) -> int:
 def put_in_place(new: Path, path: Path) -> None:
     """Rename a file that is on the disk already, and return when the name is as well; OSError."""
     new.replace(path)
-    sync_folder(path.parent)
+    sync_file(path.parent)
 
 
 def sync_file(path: Path) -> None:
-    """Return when a file's content is on the disk; OSError."""
+    """Return when the content of a file, or the names in a folder, are on the disk; OSError."""
     descriptor = os.open(path, os.O_RDONLY)
     try:
         os.fsync(descriptor)
     finally:
         os.close(descriptor)
-
-
-def sync_folder(folder: Path) -> None:
-    """Let a file's new name outlive a power cut as well; OSError."""
-    sync_file(folder)

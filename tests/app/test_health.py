@@ -85,7 +85,7 @@ def test_a_line_that_stands_still_starves_the_watchdog() -> None:
 
 def test_a_late_loop_warns_once_and_is_in_the_statistics(caplog: pytest.LogCaptureFixture) -> None:
     world = World()
-    late = 1.0, lambda: world.lag.note(0.06, 0.0)
+    late = 1.0, lambda: world.lag.note(0.06)
 
     with caplog.at_level(logging.WARNING):
         world.run(late, late, (40.0, lambda: None))
@@ -99,8 +99,6 @@ def test_a_late_loop_warns_once_and_is_in_the_statistics(caplog: pytest.LogCaptu
 def test_a_delay_that_a_starters_watchdog_may_feel_is_an_event_once_a_minute() -> None:
     world = World()
 
-    world.run(
-        *((pause_s, lambda: world.lag.note(2.1, 0.0)) for pause_s in (1.0, 1.0, 61.0)), (1.0, lambda: 0)
-    )
+    world.run(*((pause_s, lambda: world.lag.note(2.1)) for pause_s in (1.0, 1.0, 61.0)), (1.0, lambda: 0))
 
     assert world.reported == [("lag", Severity.ERROR)] * 2

@@ -1,25 +1,10 @@
-"""The table of events: each is explained in sentences, and made of the fields that it is given."""
+"""The table of events: each event is made of the fields that it is given."""
 
 from __future__ import annotations
 
 import pytest
 
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
-from gateway.contract.events import EVENTS
-
-
-@pytest.mark.parametrize("code", EventCode)
-def test_an_event_is_explained_in_sentences(code: EventCode) -> None:
-    event = EVENTS[code]
-
-    assert event.sentence.endswith(".")
-    assert event.remedy.endswith(".")
-    assert event.severities
-    assert event.optional <= event.data.keys()
-    assert "|" not in event.sentence + event.remedy + "".join(event.data.values())
-    for text in (*event.texts.values(), *event.phrases.values()):
-        assert text == text.strip()
-        assert not text.endswith(".")
 
 
 def test_a_text_and_the_data_are_made_of_the_fields() -> None:

@@ -20,6 +20,7 @@ from gateway.mqtt import (
     Incoming,
     Message,
     Outbox,
+    SessionParts,
     TlsSettings,
     connected,
 )
@@ -33,7 +34,7 @@ TOPIC = "b/command/pump/alice"
 
 @pytest.fixture(autouse=True)
 def _soon(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("gateway.mqtt.connection.reconnect.FIRST_RETRY_S", 0.05)
+    monkeypatch.setattr("gateway.mqtt.connection.broker.FIRST_RETRY_S", 0.05)
 
 
 both_versions = pytest.mark.parametrize("level", [LEVEL_5, LEVEL_311])
@@ -85,10 +86,9 @@ async def linked(broker: FakeBroker, **settings: Any) -> AsyncIterator[Link]:
     hooks = Hooks(
         will=lambda: Message("b/will", b"", 1, retain=True),
         on_incoming=link.commands.append,
-        on_link=lambda is_connected, trouble: link.states.append((is_connected, trouble)),
+        on_link=lambda version, trouble: link.states.append((version is not None, trouble)),
         on_notice=link.notices.append,
         on_read=lambda _: None,
-        on_version=lambda _: None,
         pulse=lambda: Message("b/pulse", b"", 0, retain=False),
     )
     way = BrokerSettings("localhost", broker.port, "plant", **settings)
@@ -153,7 +153,7 @@ async def test_each_acknowledgement_is_reported_with_its_reason(code: int) -> No
     acked: list[tuple[int, int]] = []
     async with FakeBroker(puback_code=code) as broker:
         settings = BrokerSettings("127.0.0.1", broker.port, "g")
-        session, _ = await connected(settings, on_ack=lambda *ack: acked.append(ack))
+        session = await connected(settings, SessionParts(on_ack=lambda *ack: acked.append(ack)))
         for ticket in (1, 2, 3):
             session.publish(ticket, Message("a", b"1", qos=1, retain=False))
         await until(lambda: len(acked) == 3, "three acknowledgements")
@@ -168,8 +168,8 @@ async def test_a_flood_leaves_the_loop_to_others_after_each_reading(monkeypatch:
     arrived: list[object] = []
     async with FakeBroker(after_suback=command(LEVEL_5, "read") * flood) as broker:
         settings = BrokerSettings(host="127.0.0.1", port=broker.port, client_id="plant")
-        session, _ = await connected(settings, on_incoming=arrived.append)
-        session.listen("b/command/#", lambda _: None)
+        session = await connected(settings, SessionParts(on_incoming=arrived.append))
+        session.read("b/command/#", lambda _: None)
         most = 0
         while len(arrived) < flood:
             before = len(arrived)

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from gateway.errors import BrokerError
-from gateway.mqtt.connection.reconnect import refused, unreachable
+from gateway.mqtt.connection.reasons import refused, unreachable
 from gateway.mqtt.connection.settings import BrokerSettings, TlsSettings
 from tests.mosquitto import Certificate
 

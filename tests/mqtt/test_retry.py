@@ -1,14 +1,21 @@
+"""In which version of MQTT a client connects, and how soon it tries again."""
+
 from __future__ import annotations
 
 import pytest
 
-from gateway.mqtt.connection.reconnect import Attempts
-from gateway.mqtt.connection.settings import BrokerSettings, Version
+from gateway.errors import BrokerError
+from gateway.mqtt import BrokerSettings, Version, connected
 from gateway.system.rate_limits import Backoff
-
-
-def attempts_of(version: Version | None) -> Attempts:
-    return Attempts(BrokerSettings("broker.test", 1883, "g", version=version), seed=1)
+from tests.mqtt.fake_broker import (
+    ACCEPT_5,
+    ACCEPT_311,
+    HANG_UP,
+    LEVEL_5,
+    LEVEL_311,
+    REFUSE_VERSION,
+    FakeBroker,
+)
 
 
 def test_the_pauses_double_to_their_ceiling_and_are_short_again_after_a_connection_that_held() -> None:
@@ -22,42 +29,50 @@ def test_the_pauses_double_to_their_ceiling_and_are_short_again_after_a_connecti
     assert backoff.next_s() == 0.5
 
 
-REFUSED, CLOSED, SILENT = (0x84, True), (None, True), (None, False)
-PAUSE = None
+class Successive(dict[int, bytes | None]):
+    """The answers to one CONNECT after the other, whatever its version."""
+
+    def __init__(self, answers: list[bytes | None]) -> None:
+        self._left = iter(answers)
+
+    def __getitem__(self, _: int) -> bytes | None:
+        return next(self._left)
+
+
+SILENCE = None
 
 
 @pytest.mark.parametrize(
-    ("ends", "at_once", "version"),
+    ("answers", "version", "levels"),
     [
-        ([REFUSED], [True], Version.V311),
-        ([CLOSED, CLOSED, CLOSED], [True, True, False], Version.V311),  # asked once more in MQTT 5
-        ([CLOSED], [True], Version.V5),
-        ([SILENT, PAUSE] * 20, [False] * 20, Version.V5),  # silence is never a refusal
-        ([CLOSED, SILENT, PAUSE, CLOSED], [True, False, True], Version.V5),
-        ([REFUSED, PAUSE], [True], Version.V5),  # tried again at each connect
+        ([ACCEPT_5], None, [LEVEL_5]),
+        ([REFUSE_VERSION, ACCEPT_311], None, [LEVEL_5, LEVEL_311]),
+        ([HANG_UP, ACCEPT_5], None, [LEVEL_5, LEVEL_5]),
+        ([HANG_UP, REFUSE_VERSION, ACCEPT_311], None, [LEVEL_5, LEVEL_5, LEVEL_311]),
+        ([HANG_UP, HANG_UP, ACCEPT_311], None, [LEVEL_5, LEVEL_5, LEVEL_311]),
+        ([HANG_UP, HANG_UP, HANG_UP], None, [LEVEL_5, LEVEL_5, LEVEL_311]),
+        ([SILENCE], None, [LEVEL_5]),  # silence is never a refusal
+        ([HANG_UP, SILENCE], None, [LEVEL_5, LEVEL_5]),
+        ([REFUSE_VERSION], Version.V5, [LEVEL_5]),  # a configured version is never left
+        ([HANG_UP], Version.V311, [LEVEL_311]),
     ],
 )
-def test_which_version_is_tried_next_and_whether_at_once(
-    ends: list[tuple[int | None, bool] | None], at_once: list[bool], version: Version
+async def test_a_broker_that_refuses_mqtt_5_and_no_other_is_asked_in_3_1_1(
+    answers: list[bytes | None],
+    version: Version | None,
+    levels: list[int],
+    monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    attempts = attempts_of(None)
-    assert attempts.version is Version.V5
-    found = []
-    for end in ends:
-        if end is PAUSE:
-            attempts.pause_s()
+    if SILENCE in answers:
+        monkeypatch.setattr("gateway.mqtt.connection.session.ANSWER_S", 0.5)
+    async with FakeBroker(Successive(answers)) as broker:
+        settings = BrokerSettings("127.0.0.1", broker.port, "g", version=version)
+        if answers[-1] in (ACCEPT_5, ACCEPT_311):
+            session = await connected(settings)
+            session.abort()
+            assert (session.version is Version.V311) == (answers[-1] == ACCEPT_311)
         else:
-            found.append(attempts.is_next_at_once(end[0], is_closed=end[1]))
+            with pytest.raises(BrokerError):
+                await connected(settings)
 
-    assert found == at_once
-    assert attempts.version is version
-
-
-@pytest.mark.parametrize("version", list(Version))
-def test_a_configured_version_is_never_left(version: Version) -> None:
-    attempts = attempts_of(version)
-
-    assert not attempts.is_next_at_once(0x84, is_closed=True)
-    assert not attempts.is_next_at_once(None, is_closed=True)
-    attempts.pause_s()
-    assert attempts.version is version
+    assert broker.levels == levels

@@ -239,7 +239,7 @@ class GatewayWorld:
             self._tokens,
             clock=self.clock,
             clock_watch=clock_watch,
-            suspend_watch=SuspendWatch(self.clock.now_s, up_s=self.clock.now_s, utc_s=self.clock.utc_s),
+            suspend_watch=SuspendWatch(self.clock),
             restate=lambda: None,
             publish_event=lambda *event, **fields: None,
         )

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import pytest
 
@@ -12,7 +13,6 @@ from gateway.system.clock import (
     ClockReading,
     ClockWatch,
     is_kernel_clock_synchronised,
-    is_synchronised_state,
     kernel_says_synchronised,
 )
 
@@ -69,9 +69,16 @@ def test_a_step_is_what_the_difference_of_both_clocks_shows(steps_s: list[float]
     ],
 )
 def test_only_a_kernel_that_says_so_has_a_synchronised_clock(
-    state: int, status: int, is_synchronised: bool
+    state: int, status: int, *, is_synchronised: bool, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    assert is_synchronised_state(state, status) is is_synchronised
+    def adjtimex(timex: Any) -> int:
+        timex.status = status
+        return state
+
+    monkeypatch.setattr("ctypes.CDLL", lambda name: SimpleNamespace(adjtimex=adjtimex))
+    monkeypatch.setattr("ctypes.byref", lambda timex: timex)
+
+    assert is_kernel_clock_synchronised() is is_synchronised
 
 
 @pytest.mark.parametrize("age_s", [None, 0.0, 7000.0, 7300.0, -60.0])

@@ -30,7 +30,6 @@ from gateway.mqtt import (
     Message,
     Session,
     SessionParts,
-    Version,
     connected,
 )
 
@@ -55,7 +54,6 @@ class BrokerProof:
         self._names = [login.name for login in logins]
         self._gateway = self._names[0]
         self._sessions: dict[str, Session] = {}
-        self._version = Version.V5
         self._received: defaultdict[str, set[str]] = defaultdict(set)  # by login: payloads, and $SYS
         self._mark = f"{PROBE}-{secrets.token_hex(6)}"
         self._sent = 0
@@ -129,7 +127,7 @@ class BrokerProof:
         """Connect as every other login with the gateway's client id: its own connection must survive."""
         for name in [each for each in self._names if each != self._gateway]:
             with suppress(BrokerError):  # a broker may refuse the id
-                session, _ = await connected(self._way(name, client_id=self._config.client_id))
+                session = await connected(self._way(name, client_id=self._config.client_id))
                 await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
                 await session.disconnect()
             is_done = self._sessions[self._gateway].lost.done()
@@ -151,11 +149,8 @@ class BrokerProof:
         for name, _, will in tries:
             if name in self._sessions:
                 await self._sessions.pop(name).disconnect()
-            parts = SessionParts(will, lambda _: None, lambda _, __: None)
-            session = Session(self._way(name), self._version, parts)
             with suppress(BrokerError):  # a broker may refuse such a connection
-                await session.connect()
-            session.abort()
+                (await connected(self._way(name), SessionParts(will))).abort()
         await asyncio.sleep(SETTLED_S)
         for name, topic, will in tries:
             is_done = will.payload.decode() in self._received[PROVER]
@@ -167,7 +162,7 @@ class BrokerProof:
         for login, who in ((None, "a client without a login"), (self._gateway, "a wrong password")):
             is_done = False
             with suppress(BrokerError):
-                session, _ = await connected(self._way(login, password=self._mark))
+                session = await connected(self._way(login, password=self._mark))
                 await session.disconnect()
                 is_done = True
             self._judge(who, "may connect", is_done=is_done, may=False)
@@ -185,8 +180,8 @@ class BrokerProof:
     async def _connect(self, name: str) -> None:
         """Let a login connect and ask for everything; a broker may refuse the asking."""
         client_id = self._config.client_id if name == self._gateway else ""
-        taking = partial(self._take, name)
-        session, self._version = await connected(self._way(name, client_id=client_id), on_incoming=taking)
+        parts = SessionParts(on_incoming=partial(self._take, name))
+        session = await connected(self._way(name, client_id=client_id), parts)
         self._sessions[name] = session
         tried = (topic.name for topic in self._topics if not topic.is_real)
         for wanted in (*tried, "#", f"$share/{name}/#", _OF_BROKER):

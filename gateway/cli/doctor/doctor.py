@@ -76,10 +76,10 @@ async def _broker(
         if login.username is not None:
             who = f"the login {login.username}"
             settings = settings_of(config, folder, tool=OWN_NAME, login=login)
-        session, version = await connected(settings)
+        session = await connected(settings)
         await session.disconnect()
     except (BrokerError, ConfigError) as error:
         findings.add(Finding(where, f"{who}: {error}", Weight.ERROR))
         return None
-    findings.add(Finding(where, f"takes {who}, MQTT {version.value}"))
+    findings.add(Finding(where, f"takes {who}, MQTT {session.version}"))
     return settings

@@ -23,7 +23,7 @@ from gateway.errors import ConfigError, DamagedError, StartError, StoreError
 from gateway.store import backup
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
-from gateway.system.whole_files import sync_folder
+from gateway.system.whole_files import sync_file
 
 ASIDE = "before-restore"  # with a number: a folder in the state directory, and the end of a file's name
 RESTORED = ".restored"  # ends the name of a configuration's file that is to be in place soon
@@ -103,8 +103,8 @@ def _linked(place: _Place, aside: Path) -> list[Path]:
         to = aside / path.relative_to(place.state_dir)
         to.parent.mkdir(mode=0o700, exist_ok=True)
         os.link(path, to, follow_symlinks=False)
-        sync_folder(to.parent)
-    sync_folder(place.state_dir)
+        sync_file(to.parent)
+    sync_file(place.state_dir)
     return old
 
 
@@ -127,7 +127,7 @@ def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
     give_to_owner_of(place.state_dir, [*own, *([aside, *aside.rglob("*")] if old else [])])
     for path in reversed(place.files):
         _restored(path).replace(path)
-        sync_folder(path.parent)
+        sync_file(path.parent)
     shutil.rmtree(stage, ignore_errors=True)
 
 
@@ -198,7 +198,7 @@ def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[st
     locked = lock_all(stage, place.config, reading, what)
     note_past(stage, what)
     for folder in (stage, *(path for path in stage.rglob("*") if path.is_dir())):
-        sync_folder(folder)
+        sync_file(folder)
     return locked
 
 
@@ -211,7 +211,7 @@ def _write_configured(archive: backup.Archive, place: _Place) -> None:
         mode, user, group = archive.rights(stored)
         path.chmod(mode)
         give_to(path, user, group)
-        sync_folder(path.parent)
+        sync_file(path.parent)
 
 
 def _restored(path: Path) -> Path:

@@ -15,7 +15,7 @@ from typing import Any
 DESCRIPTOR_LIMIT = 1024  # FD_SETSIZE
 HELD_UP_S = 0.001  # an alarm that is so late waits for one more look at what can be read
 
-NoteDelay = Callable[[float, float], None]  # so many seconds too late, and when that was
+NoteDelay = Callable[[float], None]  # so many seconds too late
 
 
 class PreciseSelector(selectors.SelectSelector):
@@ -56,7 +56,7 @@ class PreciseSelector(selectors.SelectSelector):
         now_s = time.monotonic()
         if self._note_delay is not None:
             late_s = 0.0 if timeout is None or found else now_s - asked_s - max(timeout, 0.0)
-            self._note_delay(max(asked_s - self._returned_s, late_s, 0.0), now_s)
+            self._note_delay(max(asked_s - self._returned_s, late_s, 0.0))
         ready = []
         for key, events in found:
             call = self._quick.get(key.fd)

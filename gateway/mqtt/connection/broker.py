@@ -3,26 +3,25 @@
 from __future__ import annotations
 
 import asyncio
-import logging
+import secrets
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass, replace
 
 from gateway.contract import Event
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
+from gateway.mqtt.connection.connect import FIRST_RETRY_S, LAST_RETRY_S, STEADY_S, connected
 from gateway.mqtt.connection.link_news import LinkNews
-from gateway.mqtt.connection.reconnect import Attempts
 from gateway.mqtt.connection.session import Session, SessionParts
 from gateway.mqtt.connection.settings import BrokerSettings, Version
 from gateway.mqtt.message import Message
 from gateway.mqtt.outbox.outbox import Outbox
 from gateway.starters import TOKEN_EVERY_S
+from gateway.system.rate_limits import Backoff
 from gateway.system.supervised import is_set_within, until_first
 
-log = logging.getLogger(__name__)
-
 PULSE_RETRY_S = 0.1
-Listener = Callable[[bytes], None]  # takes a payload; must return at once
 FAREWELL_TICKET = 0  # the outbox counts from 1
 
 
@@ -32,25 +31,25 @@ class Hooks:
 
     `will` makes the message that the broker publishes when the connection is lost. `on_incoming` takes each
     message below `command_filter`, `on_read` those that come because of `read`. `on_link` is called for each
-    change: connected or not, and what is wrong (also while connected, when commands cannot arrive).
+    change: with the connection's version of MQTT (None: there is none), and what is wrong (also while
+    connected, when commands cannot arrive).
     `on_notice` is called for losses that need an event of their own: once, until a connection has held again.
     `pulse` makes a message of QoS 0 that goes out before all others of a connection and then every
-    TOKEN_EVERY_S; it is made when it is sent, and never waits. `on_version` takes each connection's version.
+    TOKEN_EVERY_S; it is made when it is sent, and never waits.
     """
 
     will: Callable[[], Message]
     on_incoming: Callable[[Incoming], None]
-    on_link: Callable[[bool, str], None]
+    on_link: Callable[[Version | None, str], None]
     on_notice: Callable[[Event], None]
     on_read: Callable[[Incoming], None]
-    on_version: Callable[[Version], None]
     pulse: Callable[[], Message]
 
 
 class BrokerConnection:
     """The connection to one broker at a time. All calls belong on the loop that runs `run`.
 
-    Topics that are listened to must lie outside `command_filter`, whose messages are commands.
+    Topics that are read must lie outside `command_filter`, whose messages are commands.
     """
 
     def __init__(
@@ -60,7 +59,6 @@ class BrokerConnection:
         self._outbox = outbox
         self._command_filter = command_filter
         self._hooks = hooks
-        self._listeners: dict[str, Listener] = {}
         self._session: Session | None = None
         self._sending: asyncio.Handle | None = None
         self._beating: asyncio.TimerHandle | None = None
@@ -68,6 +66,11 @@ class BrokerConnection:
         self._moved = asyncio.Event()
         self._acknowledged = asyncio.Event()
         self._begin()
+
+    @property
+    def trouble(self) -> str:
+        """Return what is wrong with the connection; empty for nothing."""
+        return self._news.link[1]
 
     async def run(self) -> None:
         """Stay connected until closed or cancelled; never raises for what a network or a broker does."""
@@ -91,15 +94,8 @@ class BrokerConnection:
         if self._session is not None and self._sending is None:
             self._sending = asyncio.get_running_loop().call_soon(self._send)
 
-    def listen(self, topic: str, on_message: Listener) -> None:
-        """Have the payloads of one more topic from now on, on every connection; none of them is a command."""
-        self._listeners[topic] = on_message
-        if self._session is not None:
-            self._subscribe(self._session, topic)
-
     def unlisten(self, topic: str) -> None:
-        """Stop taking messages of a topic of `listen` or `read`."""
-        self._listeners.pop(topic, None)
+        """Stop taking messages of a topic of `read`."""
         if self._session is not None:
             self._session.unlisten(topic)
 
@@ -110,6 +106,22 @@ class BrokerConnection:
         """
         if self._session is not None:
             self._session.read(topic_filter, on_answer)
+
+    def beat(self) -> None:
+        """Send the pulse now, where there is a connection, or try again soon; it is made when it is sent.
+
+        With each pulse a part of the history may follow, so that it does not crowd out what is live.
+        """
+        if self._beating is not None:
+            self._beating.cancel()
+        if self._session is None or self._is_outbox_shut:
+            return
+        pause_s = PULSE_RETRY_S
+        if self._session.publish_now(self._hooks.pulse()):
+            pause_s = TOKEN_EVERY_S
+            self._outbox.grant_history()
+            self.wake()
+        self._beating = asyncio.get_running_loop().call_later(pause_s, self.beat)
 
     async def close(self, farewell: Message, *, within_s: float = 2.0) -> None:
         """Send what still waits, then `farewell`, then disconnect; at the latest after `within_s`.
@@ -135,72 +147,57 @@ class BrokerConnection:
 
     def _begin(self) -> None:
         """Begin with the present broker, of which nothing is known yet."""
-        self._attempts = Attempts(self.settings, seed=self.settings.seed)
-        self._news = LinkNews(self.settings, self._hooks.on_link, self._hooks.on_notice)
+        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=secrets.randbits(32))
+        self._news = LinkNews(self.settings.client_id, self._hooks.on_link, self._hooks.on_notice)
         self._is_outbox_shut = False
         self._farewell_code: int | None = None
         self._closing.clear()
 
     def _take(self, incoming: Incoming) -> None:
-        """Pass a message on by its topic: to who listens there, else as a command.
+        """Pass a message on by its topic: as a command, or to who reads.
 
         It never waits for the answer to the subscription, which may be late or not come: it may be a stop.
         """
-        on_message = self._listeners.get(incoming.topic)
-        if on_message is not None:
-            on_message(incoming.payload)
-        elif not incoming.topic.startswith(self._command_filter[:-2]):
-            self._hooks.on_read(incoming)
+        if incoming.topic.startswith(self._command_filter[:-2]):
+            self._hooks.on_incoming(replace(incoming, is_early=self._session is None))
         else:
-            is_live = incoming.is_retained and self._attempts.version is Version.V5  # it sends no stored ones
-            self._hooks.on_incoming(replace(incoming, is_early=self._session is None, is_live=is_live))
-
-    def _subscribe(self, session: Session, topic: str) -> None:
-        def note(is_permitted: bool) -> None:  # noqa: FBT001 - the callback's shape
-            if not is_permitted:
-                log.warning("%s", self._refusal(f"a subscription to {topic}"))
-
-        session.listen(topic, note)
+            self._hooks.on_read(incoming)
 
     async def _stay_connected(self) -> None:
         """Connect, again and again, until closed; then only a move ends the wait."""
         while not self._closing.is_set():
-            if not await self._serve_once():
-                await is_set_within(self._closing, self._attempts.pause_s())
+            await self._serve_once()
+            await is_set_within(self._closing, self._backoff.next_s())
         await self._moved.wait()
 
-    async def _serve_once(self) -> bool:
-        """Connect and serve until the loss; return whether to connect again at once."""
-        session = Session(
-            self.settings,
-            self._attempts.version,
-            SessionParts(self._hooks.will(), self._take, self._acked, lambda notice: self._lost(notice, "")),
+    async def _serve_once(self) -> None:
+        """Connect and serve until the loss."""
+        parts = SessionParts(
+            self._hooks.will(), self._take, self._acked, lambda notice: self._lost(notice, "")
         )
+        session: Session | None = None
         try:
-            await session.connect()
+            session = await connected(self.settings, parts)
             is_subscribed = await session.subscribe(self._command_filter)
             await self._serve(session, is_deaf=not is_subscribed)
         except BrokerError as error:
-            if self._attempts.is_next_at_once(session.connack_code, is_closed=session.is_closed_unanswered):
-                log.debug("broker=%s %s; next: MQTT %s", self.settings.address, error, self._attempts.version)
-                return True
-            self._report(str(error), is_connected=False)
+            self._report(None, str(error))
         finally:
-            session.abort()
-        return False
+            if session is not None:
+                session.abort()
 
     async def _serve(self, session: Session, *, is_deaf: bool) -> None:
-        holding = asyncio.get_running_loop().call_later(self.settings.steady_s, self._held)
+        holding = asyncio.get_running_loop().call_later(STEADY_S, self._held)
         reason = "ended by an error inside the gateway"
         self._session = session
         self._outbox.connected(session.window)
         try:
-            self._hooks.on_version(self._attempts.version)
-            for topic in self._listeners:
-                self._subscribe(session, topic)
-            deaf = self._refusal(f"commands: no subscription to {self._command_filter}")
-            self._report(deaf if is_deaf else "", is_connected=True)
-            self._beat(session)
+            deaf = (
+                f"broker {self.settings.address} refuses commands: no subscription to {self._command_filter}"
+            )
+            hint = "let this user read it, in the broker's access list"
+            self._report(session.version, str(BrokerError(deaf, hint)) if is_deaf else "")
+            self.beat()
             self.wake()
             reason = await session.lost
         finally:
@@ -210,42 +207,21 @@ class BrokerConnection:
                 self._beating.cancel()
             self._outbox.disconnected()
             self._acknowledged.set()
-            self._report(f"broker {self.settings.address}: {reason}", is_connected=False)
+            self._report(None, f"broker {self.settings.address}: {reason}")
         self._lost(session.notice, reason)
 
     def _held(self) -> None:
         """Count this connection as one that holds."""
-        self._attempts.held()
-        self._news.held(self._attempts.version)
+        self._backoff.reset()
+        self._news.held()
 
-    def _report(self, trouble: str, *, is_connected: bool) -> None:
+    def _report(self, version: Version | None, trouble: str) -> None:
         if not self._closing.is_set():
-            self._news.report(trouble, self._attempts.version, is_connected=is_connected)
+            self._news.report(version, trouble)
 
     def _lost(self, notice: Event | None, reason: str) -> None:
         if not self._closing.is_set():
             self._news.lost(notice, reason)
-
-    def beat(self) -> None:
-        """Send the pulse now, where there is a connection: what it said before has become wrong."""
-        if self._session is not None:
-            self._beat(self._session)
-
-    def _beat(self, session: Session) -> None:
-        """Send the pulse, or try again soon; what could not be sent is made again.
-
-        With each pulse a part of the history may follow, so that it does not crowd out what is live.
-        """
-        if self._beating is not None:
-            self._beating.cancel()
-        if self._is_outbox_shut:
-            return
-        pause_s = PULSE_RETRY_S
-        if session.publish_now(self._hooks.pulse()):
-            pause_s = TOKEN_EVERY_S
-            self._outbox.grant_history()
-            self.wake()
-        self._beating = asyncio.get_running_loop().call_later(pause_s, self._beat, session)
 
     def _send(self) -> None:
         self._sending = None
@@ -268,19 +244,13 @@ class BrokerConnection:
         if session is not None and session.in_flight <= session.window // 2:
             self.wake()
 
-    def _refusal(self, what: str) -> str:
-        hint = "let this user read it, in the broker's access list"
-        return str(BrokerError(f"broker {self.settings.address} refuses {what}", hint))
-
     async def _wait_until(self, is_true: Callable[[], bool], within_s: float) -> None:
         """Wait, for a limited time, for something that an acknowledgement or a loss may make true."""
-        try:
+        with suppress(TimeoutError):
             async with asyncio.timeout(within_s):
                 while not is_true():
                     self._acknowledged.clear()
                     await self._acknowledged.wait()
-        except TimeoutError:
-            return
 
 
 def _has_room(session: Session) -> bool:

@@ -23,10 +23,10 @@ from gateway.contract import (
 )
 from gateway.errors import BrokerError, GatewayError, NoResultError
 from gateway.mqtt.commands import Incoming
-from gateway.mqtt.connection.reconnect import FIRST_FAILURE, Attempts
+from gateway.mqtt.connection.connect import connected
 from gateway.mqtt.connection.session import Session, SessionParts
-from gateway.mqtt.connection.settings import BrokerSettings, Version
-from gateway.mqtt.message import Message
+from gateway.mqtt.connection.settings import BrokerSettings
+from gateway.mqtt.message import FIRST_FAILURE, Message
 
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
 STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
@@ -90,11 +90,10 @@ class CommandClient:
 
     @asynccontextmanager
     async def _connected(self) -> AsyncIterator[Session]:
-        session, _ = await connected(
-            self._settings,
-            on_incoming=self._news.put_nowait,
-            on_ack=lambda _, code: self._news.put_nowait(code),
+        parts = SessionParts(
+            on_incoming=self._news.put_nowait, on_ack=lambda _, code: self._news.put_nowait(code)
         )
+        session = await connected(self._settings, parts)
         session.lost.add_done_callback(lambda _: self._news.put_nowait(None))
         try:
             yield session
@@ -188,31 +187,3 @@ class CommandClient:
         who = f"user {self._settings.username}" if self._settings.username else "a client without login"
         hint = "log in as the operator with --username, or look at its access list"
         return BrokerError(f"broker {self._settings.address} does not let {who} {what}", hint)
-
-
-def _ignored(*_: object) -> None:
-    """Take what nothing is done with."""
-
-
-async def connected(
-    settings: BrokerSettings,
-    *,
-    on_incoming: Callable[[Incoming], None] = _ignored,
-    on_ack: Callable[[int, int], None] = _ignored,
-) -> tuple[Session, Version]:
-    """Connect once, without a will, and return the session with the version that the broker takes.
-
-    BrokerError when it takes none, or cannot be had.
-    """
-    attempts = Attempts(settings, seed=settings.seed)
-    while True:
-        session = Session(settings, attempts.version, SessionParts(None, on_incoming, on_ack))
-        try:
-            await session.connect()
-        except BrokerError:
-            is_closed = session.is_closed_unanswered
-            session.abort()
-            if not attempts.is_next_at_once(session.connack_code, is_closed=is_closed):
-                raise
-        else:
-            return session, attempts.version

@@ -1,54 +1,37 @@
-"""Which changes of the connection are reported: each trouble is logged once until a connection has held.
-
-A broker that cannot be reached is tried every few seconds, and refuses each time for the same reason. People
-read of it once; `on_link` is called for each change all the same.
-"""
+"""Which changes of the connection are reported: a repeated refusal for the same reason is not."""
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
 from gateway.contract import Event, EventCode, event_of
 from gateway.mqtt.connection.session import CONNECTION_LOST
-from gateway.mqtt.connection.settings import BrokerSettings, Version
-
-log = logging.getLogger(__name__)
+from gateway.mqtt.connection.settings import Version
 
 SHORT_ONES = 3  # connections in a row that the broker closed soon, until the cause is guessed
 
 
 @dataclass(slots=True)
 class LinkNews:
-    """The news of the connections to one broker."""
+    """The news of the connections of one client."""
 
-    settings: BrokerSettings
-    on_link: Callable[[bool, str], None]
+    client_id: str
+    on_link: Callable[[Version | None, str], None]
     on_notice: Callable[[Event], None]
+    link: tuple[Version | None, str] = (None, "")  # the version, and what is wrong, as reported last
     _noticed: set[str] = field(default_factory=set)  # the codes of notices, since a connection held
-    _logged: list[str] = field(default_factory=list)  # troubles, likewise; empty for a connection without
     _short_ones: int = 0
-    _link: tuple[bool, str] = (False, "")
 
-    def report(self, trouble: str, version: Version, *, is_connected: bool) -> None:
-        """Report a connection, or its loss, unless that is the state already."""
-        if (is_connected, trouble) == self._link:
-            return
-        self._link = (is_connected, trouble)
-        if trouble not in self._logged:
-            self._log(trouble, version)
-        else:
-            log.debug("broker=%s %s", self.settings.address, trouble or "connected")
-        self.on_link(is_connected, trouble)
+    def report(self, version: Version | None, trouble: str) -> None:
+        """Report a connection, or its loss (None), unless that is the state already."""
+        if (version, trouble) != self.link:
+            self.link = (version, trouble)
+            self.on_link(version, trouble)
 
-    def held(self, version: Version) -> None:
-        """Note that the connection has held; say so when the loss of an earlier one was logged last."""
-        _, trouble = self._link
-        if self._logged[-1:] != [trouble]:
-            self._log(trouble, version)
+    def held(self) -> None:
+        """Note that the connection has held: a notice that comes after it is news again."""
         self._noticed.clear()
-        self._logged.clear()
         self._short_ones = 0
 
     def lost(self, notice: Event | None, reason: str) -> None:
@@ -56,13 +39,7 @@ class LinkNews:
         if notice is None and reason == CONNECTION_LOST:
             self._short_ones += 1
             if self._short_ones == SHORT_ONES:
-                client_id = self.settings.client_id
-                notice = event_of(EventCode.CLIENT_ID_TAKEN, "suspected", client_id=client_id)
+                notice = event_of(EventCode.CLIENT_ID_TAKEN, "suspected", client_id=self.client_id)
         if notice is not None and notice.code not in self._noticed:
             self._noticed.add(notice.code)
             self.on_notice(notice)
-
-    def _log(self, trouble: str, version: Version) -> None:
-        self._logged.append(trouble)
-        connected = f"broker={self.settings.address} connected, MQTT {version}"
-        log.log(logging.WARNING if trouble else logging.INFO, "%s", trouble or connected)

@@ -24,15 +24,14 @@ from gateway.contract import Event, EventCode, event_of
 from gateway.errors import BrokerError
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.client import MAX_INCOMING_BYTES, SessionClient, TooLargeError, too_large
-from gateway.mqtt.connection.reconnect import (
-    FIRST_FAILURE,
+from gateway.mqtt.connection.reasons import (
     PACKET_TOO_LARGE,
     SESSION_TAKEN_OVER,
     refused,
     unreachable,
 )
 from gateway.mqtt.connection.settings import BrokerSettings, Version
-from gateway.mqtt.message import Message
+from gateway.mqtt.message import FIRST_FAILURE, Message
 
 CONNECTION_LOST = "connection lost"
 CALLBACKS = [f"on_{each}" for each in ("connect", "disconnect", "subscribe", "message")]
@@ -45,7 +44,7 @@ ACK_S = 30.0  # how long for a PUBACK
 WINDOW = 20  # unacknowledged messages at most; the broker may ask for less
 
 
-def _ignore(*_: int) -> None:
+def _ignore(*_: object) -> None:
     """Do nothing."""
 
 
@@ -53,10 +52,10 @@ def _ignore(*_: int) -> None:
 class SessionParts:
     """What a session needs of its owner; all calls on its loop."""
 
-    will: Message | None  # what the broker publishes when the connection is lost; None: nothing
-    on_incoming: Callable[[Incoming], None]
-    on_ack: Callable[[int, int], None]  # the end of a published message: its ticket, the broker's reason code
-    on_skip: Callable[[Event], None] | None = None  # a packet was too large, and all but its topic is lost
+    will: Message | None = None  # what the broker publishes when the connection is lost; None: nothing
+    on_incoming: Callable[[Incoming], None] = _ignore
+    on_ack: Callable[[int, int], None] = _ignore  # a message's end: its ticket, the broker's reason code
+    on_skip: Callable[[Event], None] = _ignore  # a packet was too large, and all but its topic is lost
 
 
 class Session:
@@ -65,7 +64,7 @@ class Session:
     def __init__(self, settings: BrokerSettings, version: Version, parts: SessionParts) -> None:
         self._loop = asyncio.get_running_loop()
         self._settings = settings
-        self._version = version
+        self.version = version
         self._parts = parts
         self._connack: asyncio.Future[None] = self._loop.create_future()
         self._subacks: dict[int, Callable[[bool], None]] = {}  # by packet id, which take the answer
@@ -80,34 +79,36 @@ class Session:
         self._client = self._make_client()
 
     async def connect(self) -> None:
-        """Connect; BrokerError when the broker is away or refuses. If cancelled, the thread cleans up."""
+        """Connect; BrokerError when the broker is away or refuses. If cancelled, it cleans up."""
         pool = ThreadPoolExecutor(1, thread_name_prefix="mqtt-connect")
         connecting = pool.submit(self._connect_blocking)
         pool.shutdown(wait=False)
         try:
             await asyncio.wrap_future(connecting)
+            self._serve()
+            await self._answer(self._connack, "CONNACK")
         except asyncio.CancelledError:
+            self.abort()
             connecting.add_done_callback(lambda _: self._close_socket())
             raise
         except (OSError, ValueError) as error:
             raise unreachable(self._settings.address, error) from error
         finally:
             del connecting  # it holds what was raised, whose traceback holds this frame
-        self._serve()
-        await self._answer(self._connack, "CONNACK")
 
     async def subscribe(self, topic_filter: str, *, with_retained: bool = False) -> bool:
         """Subscribe and return whether the broker lets us; MQTT 3.1.1 sends retained messages anyway."""
         suback: asyncio.Future[bool] = self._loop.create_future()
-        self._ask(topic_filter, _options(handling=0 if with_retained else 2), suback.set_result)
+        handling = 0 if with_retained else 2  # 2: no stored ones; live ones show their retained flag too
+        options = SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
+        self._ask(topic_filter, options, suback.set_result)
         return bool(await self._answer(suback, "SUBACK"))
 
-    def listen(self, topic: str, on_answer: Callable[[bool], None]) -> None:
-        """Subscribe to one more topic without waiting for the answer; a refusal changes nothing else."""
-        self._ask(topic, _options(handling=2), on_answer)
-
     def read(self, topic_filter: str, on_answer: Callable[[bool], None]) -> None:
-        """Subscribe with QoS 0, which no queue of the broker limits; only what is stored is then retained."""
+        """Subscribe without waiting for the answer; a refusal changes nothing else.
+
+        No queue of the broker limits QoS 0. Only what is stored is marked as retained.
+        """
         options = SubscribeOptions(qos=0, retainAsPublished=False, retainHandling=0)
         self._ask(topic_filter, options, on_answer)
 
@@ -147,7 +148,7 @@ class Session:
         if self._max_packet is not None and message.packet_size > self._max_packet:
             return PACKET_TOO_LARGE
         properties = None
-        if self._version is Version.V5 and message.correlation is not None:
+        if self.version is Version.V5 and message.correlation is not None:
             properties = _properties(PacketTypes.PUBLISH)
             properties.CorrelationData = message.correlation
         packet_id = self._client.send(message, properties)
@@ -157,7 +158,7 @@ class Session:
 
     async def disconnect(self, *, with_will: bool = False) -> None:
         """Say goodbye; the broker publishes the will only when asked to, which MQTT 5 alone can do."""
-        if with_will and self._version is Version.V5:
+        if with_will and self.version is Version.V5:
             self._client.disconnect(reasoncode=ReasonCode(PacketTypes.DISCONNECT, identifier=WITH_WILL))
         else:
             self._client.disconnect()
@@ -176,7 +177,7 @@ class Session:
             setattr(self._client, name, None)
 
     def _make_client(self) -> SessionClient:
-        is_v5 = self._version is Version.V5
+        is_v5 = self.version is Version.V5
         client = SessionClient(
             CallbackAPIVersion.VERSION2,
             client_id=self._settings.client_id,
@@ -198,7 +199,7 @@ class Session:
         will = self._parts.will
         if will is not None:
             self._client.will_set(will.topic, will.payload, qos=will.qos, retain=will.retain)
-        if self._version is Version.V311:
+        if self.version is Version.V311:
             self._client.connect(settings.host, settings.port, settings.keepalive_s)
             return
         properties = _properties(PacketTypes.CONNECT)
@@ -219,7 +220,7 @@ class Session:
         """
         if self.lost.done():
             return
-        how: dict[str, Any] = {"options": options} if self._version is Version.V5 else {"qos": options.QoS}
+        how: dict[str, Any] = {"options": options} if self.version is Version.V5 else {"qos": options.QoS}
         _, packet_id = self._client.subscribe(topic_filter, **how)
         if packet_id is not None:  # None: the connection is lost
             self._subacks[packet_id] = on_answer
@@ -332,8 +333,7 @@ class Session:
             self._loop.call_soon(on_answer, all(code.value < FIRST_FAILURE for code in codes))
 
     def _on_skip(self, size: int) -> None:
-        if self._parts.on_skip is not None:
-            self._loop.call_soon(self._parts.on_skip, too_large(size, is_skipped=True))
+        self._loop.call_soon(self._parts.on_skip, too_large(size, is_skipped=True))
 
     def _on_ack(self, packet_id: int, reason_code: int) -> None:
         ticket, _ = self._tickets.pop(packet_id, (None, 0.0))
@@ -349,6 +349,7 @@ class Session:
             topic=topic,
             payload=bytes(message.payload),
             is_retained=bool(message.retain),
+            is_live=bool(message.retain) and self.version is Version.V5,
             expiry_s=getattr(message.properties, "MessageExpiryInterval", None),
             correlation=getattr(message.properties, "CorrelationData", None),
         )
@@ -366,11 +367,6 @@ class Session:
             self._lose("the broker has stopped answering")
         else:
             self._lose(CONNECTION_LOST)
-
-
-def _options(*, handling: int) -> SubscribeOptions:
-    """Return options by which live messages show their retained flag too; `handling` 2: no stored ones."""
-    return SubscribeOptions(qos=1, retainAsPublished=True, retainHandling=handling)
 
 
 def _properties(packet_type: int) -> Properties:

@@ -67,8 +67,6 @@ class BrokerSettings:
     version: Version | None = None  # None: 5, or 3.1.1 where the broker refuses 5
     keepalive_s: int = 6
     largest_packet: int | None = None  # asked of the broker where MQTT 5 can; None: as for commands
-    steady_s: float = 5.0  # a connection that held this long makes the next pause short again
-    seed: int = field(default=0, compare=False)  # of the retries' jitter
 
     @property
     def address(self) -> str:

@@ -21,11 +21,10 @@ from collections.abc import Callable, Sequence
 from typing import Any, NamedTuple
 
 from gateway.contract import HistoryRecord, Record, ValueRecord, history_item
-from gateway.mqtt.message import Message, message_at
+from gateway.mqtt.message import FIRST_FAILURE, Message, message_at
 from gateway.mqtt.outbox.backlog import Backlog, Bounds
 from gateway.store import OutboxRow, Rank
 
-FIRST_FAILURE = 0x80  # reason codes from here on are refusals [MQTT5 2.4]
 HISTORY_ITEMS = 1000  # that are published late, for each pulse of the connection
 HELD_AFTER_S = 1.0  # a value that waits for longer is written
 IN_MEMORY = Bounds(20_000, 16 * 2**20)

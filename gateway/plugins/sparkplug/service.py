@@ -16,7 +16,16 @@ from math import inf
 from gateway import __version__
 from gateway.contract import EventCode, ForgetRecord, Record, ResultRecord, Severity
 from gateway.errors import BrokerError
-from gateway.mqtt import Attempts, BrokerSettings, Incoming, Session, SessionParts
+from gateway.mqtt import (
+    FIRST_RETRY_S,
+    LAST_RETRY_S,
+    STEADY_S,
+    BrokerSettings,
+    Incoming,
+    Session,
+    SessionParts,
+    connected,
+)
 from gateway.plugins.interface import Gateway
 from gateway.plugins.sparkplug.commands import CommandMapper
 from gateway.plugins.sparkplug.host_commands import MOST_BYTES, HostCommands
@@ -26,7 +35,7 @@ from gateway.plugins.sparkplug.numbers import BirthNumbers
 from gateway.plugins.sparkplug.payload import FALSE
 from gateway.plugins.sparkplug.primary_host import PrimaryHost
 from gateway.plugins.sparkplug.settings import REBIRTH, SparkplugSettings
-from gateway.system.rate_limits import ChangeDetector
+from gateway.system.rate_limits import Backoff, ChangeDetector
 from gateway.system.supervised import is_set_within, until_first
 
 AT_ONCE = 10  # messages written until the loop's other tasks run, and until the socket has taken them
@@ -60,7 +69,7 @@ class SparkplugService:
             mapper = CommandMapper(settings.operator, ttl_s=settings.table.ttl_s)
             self._host_commands = HostCommands(mapper, gateway, self._show_done)
         self._numbers = BirthNumbers(gateway)
-        self._attempts = Attempts(settings.servers[0], seed=secrets.randbits(32))
+        self._backoff = Backoff(FIRST_RETRY_S, LAST_RETRY_S, seed=secrets.randbits(32))
         self._server = 0
         self._host = PrimaryHost(settings.table.primary_host)
         self._replaced = asyncio.Event()
@@ -98,35 +107,33 @@ class SparkplugService:
 
     async def _stay_connected(self) -> None:
         while True:
-            if not await self._serve_once(await self._numbers.take()):
-                self._server = (self._server + 1) % len(self._settings.servers)
-                await asyncio.sleep(self._attempts.pause_s())
+            await self._serve_once(await self._numbers.take())
+            self._server = (self._server + 1) % len(self._settings.servers)
+            await asyncio.sleep(self._backoff.next_s())
 
-    async def _serve_once(self, number: int) -> bool:
-        """Connect and serve until the loss; return whether to connect again at once."""
+    async def _serve_once(self, number: int) -> None:
+        """Connect and serve until the loss."""
         server = self._settings.servers[self._server]
         self._leaving = ""
         self._host.begin()
         death_acked: asyncio.Future[None] = asyncio.get_running_loop().create_future()
         will = self._node.death(number, self._clock.utc_s())
         parts = SessionParts(will, self._on_incoming, on_ack=lambda *_: death_acked.set_result(None))
-        link = Session(server, self._attempts.version, parts)
-        link.lost.add_done_callback(lambda _: self._wake.set())
+        link: Session | None = None
         try:
-            await link.connect()
+            link = await connected(server, parts)
+            link.lost.add_done_callback(lambda _: self._wake.set())
             await self._subscribe(link, server)
             await self._serve(link, server, number)
             reason = self._leaving or link.lost.result()
             self._report(f"broker {server.address}: {reason}")
         except BrokerError as error:
-            if self._attempts.is_next_at_once(link.connack_code, is_closed=link.is_closed_unanswered):
-                return True
             self._report(str(error))
         finally:
-            await self._die(link, number, death_acked)
+            if link is not None:
+                await self._die(link, number, death_acked)
+                link.abort()
             self._node.end()
-            link.abort()
-        return False
 
     async def _subscribe(self, link: Session, server: BrokerSettings) -> None:
         """Subscribe to everything before any birth [tck-id-message-flow-edge-node-ncmd-subscribe]."""
@@ -155,8 +162,8 @@ class SparkplugService:
                 pause_s = self._sleeping_until_s - self._clock.now_s()
                 await is_set_within(self._wake, max(0.0, pause_s))
         finally:
-            if self._clock.now_s() - since_s >= server.steady_s:
-                self._attempts.held()
+            if self._clock.now_s() - since_s >= STEADY_S:
+                self._backoff.reset()
 
     def _write(self, link: Session, server: BrokerSettings, number: int) -> float:
         """Write what is due, as far as the socket takes it; return until when nothing more is to be done."""

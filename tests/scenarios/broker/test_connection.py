@@ -7,12 +7,10 @@ import re
 import pytest
 
 from tests.rig import (
-    RigPlant,
     ScenarioRow,
     clean_line,
     command,
     event,
-    frames,
     msg,
     never,
     play,
@@ -23,7 +21,7 @@ from tests.rig import (
     row,
     seen,
 )
-from tests.rig.sites import ALICE, HOME_ASSISTANT, QUICK, SSW07, table
+from tests.rig.sites import ALICE, QUICK, SSW07, table
 from tests.scenarios.broker.support import TRIP, afresh, broker, codes, count, holds
 
 MQTT_3 = table("mqtt", url="mqtt://127.0.0.1", version="3.1.1")
@@ -35,8 +33,9 @@ def _logins(at_least: int, at_most: int):  # type: ignore[no-untyped-def]
 
 REFUSED = [
     row(
-        "a broker that refuses the connection is tried again; the line is polled on",
-        given=SSW07,
+        "a broker that refuses the login is tried again, the line is polled on, no password is shown",
+        given=SSW07 + table("mqtt", url="mqtt://127.0.0.1", username="mcc1", password_file="mqtt.password"),
+        files={"mqtt.password": "s3cret\n"},
         before=broker(refuses=0x86),  # bad user name or password
         at={60.0: broker(refuses=None)},
         then={
@@ -45,7 +44,10 @@ REFUSED = [
                 seen("gateway/event", code="broker_away", text=re.compile("check username"), times=1),
                 retained("gateway/status", state="online"),
                 clean_line,
+                afresh(60.0),
                 holds(lambda plant: plant.last("gateway/line/pumps")["answered"] > 60),
+                holds(lambda plant: {login[1:] for login in plant.broker.logins} == {("mcc1", "s3cret")}),
+                holds(lambda plant: "s3cret" not in plant.transcript()),
             ],
         },
     ),
@@ -200,12 +202,6 @@ RIGHTS = [
         },
     ),
     row(
-        "a gateway that listens for Home Assistant announces all again at its birth, which is no command",
-        given=SSW07 + ALICE + HOME_ASSISTANT,
-        at={20.0: publish("homeassistant/status", b"online", client="ha")},
-        then={60.0: [seen("homeassistant/device/+/config", since=20.0), never("audit"), frames("pump")]},
-    ),
-    row(
         "a slow broker holds neither the line nor a stop",
         given=SSW07 + ALICE,
         before=broker(ack_after_s=2.0),
@@ -221,15 +217,3 @@ RIGHTS = [
 @pytest.mark.parametrize("row", REFUSED + VERSIONS + OTHERS + RIGHTS)
 def test_a_connection(row: ScenarioRow) -> None:
     play(row)
-
-
-def test_a_refused_login_says_who_and_never_the_password() -> None:
-    site = SSW07 + table("mqtt", url="mqtt://127.0.0.1", username="mcc1", password_file="mqtt.password")
-    with RigPlant(site, files={"mqtt.password": "s3cret\n"}, before=broker(refuses=0x86)) as plant:
-        plant.run(until=20.0)
-        plant.broker.refuses = None
-        plant.run(until=40.0)
-
-        assert {login[1:] for login in plant.broker.logins} == {("mcc1", "s3cret")}
-        assert "s3cret" not in plant.transcript()
-        assert afresh(20.0)(plant) == ""

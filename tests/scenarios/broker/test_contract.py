@@ -146,19 +146,6 @@ def test_no_topic_that_carries_a_payload_is_a_prefix_of_another(day: list[MqttMe
     assert all(re.fullmatch("[a-z0-9_-]+(/[a-z0-9_-]+)*", each) for each in topics)
 
 
-def test_floats_have_a_decimal_part_always(day: list[MqttMessage]) -> None:
-    kinds: dict[tuple[str, str], set[str]] = {}
-    for each in day:
-        if "/value/" in each.topic and each.payload:
-            number = re.search(rb'"value":(-?[\d.eE+-]+),"unit":"([^"]*)"', each.payload)
-            if number:
-                kinds.setdefault((each.topic, "value"), set()).add("." if b"." in number[1] else "int")
-
-    assert [each for each, found in kinds.items() if len(found) > 1] == []
-    assert kinds[f"{BASE}/starter/pump/value/current", "value"] == {"."}
-    assert all(b"NaN" not in each.payload and b"Infinity" not in each.payload for each in day)
-
-
 def test_topic_boot_and_seq_name_a_message_and_a_run_counts_up(day: list[MqttMessage]) -> None:
     named: dict[tuple[str, str, int], bytes] = {}
     newest: dict[tuple[str, str], int] = {}

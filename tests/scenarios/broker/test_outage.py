@@ -149,33 +149,6 @@ OUTAGES = [
         at={5.0: "broker down", 8.0: TRIP, 10.5: "kill", 13.0: "start", 20.0: "broker up"},
         then={50.0: [_two_runs, _same_number_same_bytes]},
     ),
-    row(
-        "what waits for the broker outlives an orderly end, and comes once",
-        given=SSW07,
-        at={5.0: "broker down", 8.0: TRIP, 12.0: "end", 13.0: "start", 20.0: "broker up"},
-        then={
-            50.0: [
-                seen("starter/pump/event", code="fault", times=1),
-                _same_number_same_bytes,
-            ]
-        },
-    ),
-    row(
-        "a broker that comes and goes each second has all of it in the end, no event twice",
-        given=SSW07,
-        at={
-            **{5.0 + 2 * n: "broker down" for n in range(10)},
-            **{6.0 + 2 * n: "broker up" for n in range(10)},
-            9.5: TRIP,
-        },
-        then={
-            50.0: [
-                msg("gateway/status", state="online"),
-                seen("starter/pump/event", code="fault", times=1),
-                _same_number_same_bytes,
-            ]
-        },
-    ),
 ]
 
 ACKNOWLEDGEMENTS = [

@@ -61,19 +61,6 @@ def poor_line(name: str, for_s: float) -> Action:
 
 CHANGES = [
     row(
-        "a starter that is added is online, named, and leaves the others alone",
-        given=SSW07,
-        at={5.0: reload(SSW07 + FAN)},
-        then={
-            9.0: [
-                event("reloaded", data={"starters_added": ["fan"]}),
-                retained("starter/fan/availability", state="online"),
-                retained("gateway/info", starters=["pump", "fan"]),
-                untouched,
-            ]
-        },
-    ),
-    row(
         "a starter that comes to an over-full line is known within 5 s, and stays known",
         given=HALL,
         at={
@@ -95,18 +82,23 @@ CHANGES = [
         },
     ),
     row(
-        "a line and a starter that are added are polled, those that are taken out cleared",
+        "a line and starters that are added are polled and named, those that are taken out cleared",
         given=SSW07,
-        at={5.0: reload(SSW07 + line("hall") + FAN), 12.0: reload(SSW07)},
+        at={5.0: reload(HALL + YARD), 12.0: reload(SSW07)},
         then={
             11.0: [
-                retained("gateway/line/hall", is_open=True),
-                retained("starter/fan/state", quality="good"),
+                event("reloaded", data={"lines_added": ["yard"], "starters_added": ...}),
+                retained("gateway/line/yard", is_open=True),
+                retained("starter/fan/availability", state="online"),
+                retained("starter/mill/state", quality="good"),
+                retained("gateway/info", starters=["pump", "fan", "mill"]),
+                untouched,
             ],
             16.0: [
-                event("reloaded", data={"starters_removed": ["fan"]}),
-                retained("gateway/line/hall"),
+                event("reloaded", data={"lines_removed": ["yard"], "starters_removed": ...}),
+                retained("gateway/line/yard"),
                 retained("starter/fan/#"),
+                retained("starter/mill/#"),
                 retained("gateway/info", starters=["pump"]),
                 untouched,
             ],
