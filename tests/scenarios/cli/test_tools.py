@@ -13,7 +13,7 @@ import pytest
 
 from gateway.families import FAMILIES
 from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
-from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
+from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter, table
 from tests.rig.state import with_sql
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
 
@@ -618,30 +618,73 @@ def test_a_tool(row: ScenarioRow) -> None:
 
 
 SECRET = {"mqtt.password": "secret-of-the-broker\n"}
+LOCAL = '[mqtt]\nurl = "mqtt://localhost"\nusername = "plant"\n' + SSW07 + ALICE  # without certificates
+WRONG_OPTIONS = {
+    "two logins have the name": (
+        "--viewer alice",
+        "--viewer prover",
+        "--viewer acl-probe",
+        "--login alice=alice",
+    ),
+    "is no NAME": ("--viewer 'a b'", "--auditor .."),
+    "no [[operator]] carol": ("--login x=carol",),
+    "is no ADDRESS": tuple(f"--host={x}" for x in ("a,DNS:evil", "bröker.plant", "'a b'", "-a", "{gateway}")),
+    "is no NAME=OPERATOR": ("--login x", "--login ..=alice"),
+    "is no HOST": tuple(f"--bridge {x}" for x in ("central:x", "'central evil:8883'", "[::1]:8883")),
+    "is no BASE": tuple(
+        f"--bridge central --bridge-base {x}" for x in ("a/#", "'a b'", "'a\ntopic # out'", "$share/a")
+    ),
+}
+
+
+def kit(name: str, options: str = "", *, given: str = LOCAL, **said: Any) -> Any:
+    """Return a row of `broker-kit`; where it fails nothing is written."""
+    return line_row(name, f"broker-kit CONFIG DIR/kit {options}", given=given, **said)
+
+
 KIT = [
-    line_row(
+    kit(
         "a kit has a configuration, an access list, passwords and certificates",
-        "broker-kit CONFIG DIR/kit",
         given=NAMED,
         files=SECRET,
         out="kit",
     ),
-    line_row(
+    kit(
         "it is for a login with a name",
-        "broker-kit CONFIG DIR/kit",
         given=SSW07 + ALICE,
         code=78,
         out="",
         err='mqtt.username: is missing: the broker ties topics to it (username = "plant"',
     ),
-    line_row(
+    kit(
         "an update needs a kit",
-        "broker-kit CONFIG DIR/kit --update",
-        given=NAMED,
-        files=SECRET,
+        "--update",
         code=2,
         out="",
         err="kit/kit.json: no kit that can be read: No such file or directory (write one first)",
+    ),
+    kit(
+        "Sparkplug needs a login of its own at this broker",
+        given=LOCAL + table("sparkplug", group="plant"),
+        code=78,
+        err="sparkplug",
+    ),
+    *(
+        kit(
+            f"commands that this clock refuses are said where a bridge has them: {options}",
+            options,
+            given=table("gateway", name="mcc1", clock="untrusted") + LOCAL + 'freshness = "issued_at"\n',
+            out=re.compile(says),
+        )
+        for options, says in (
+            ("--bridge central", "warning operator alice: the commands of this operator need issued_at"),
+            ("--viewer panel", r"\A(?![\s\S]*need issued_at)"),
+        )
+    ),
+    *(
+        kit(f"{options} is refused", options, code=2, out="", err=said)
+        for said, wrong in WRONG_OPTIONS.items()
+        for options in wrong
     ),
 ]
 
@@ -649,3 +692,13 @@ KIT = [
 @pytest.mark.parametrize("row", KIT)
 def test_the_brokers_kit(row: LineRow, tmp_path: Path) -> None:
     play_line(row, tmp_path)
+    assert (tmp_path / "kit").exists() is (row.says.code == 0)
+
+
+def test_a_folder_with_other_things_in_it_gets_no_kit(tmp_path: Path) -> None:
+    (tmp_path / "kit").mkdir()
+    (tmp_path / "kit" / "bank").write_text("precious")
+
+    play_line(kit("", code=2, out="", err="holds no kit, but bank").values[0], tmp_path)
+
+    assert [path.read_text() for path in (tmp_path / "kit").iterdir()] == ["precious"]
