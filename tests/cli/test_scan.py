@@ -91,23 +91,21 @@ class Corrupted(Impairment):
         return (Reply(adu=corrupted, after_s=reply.after_s, deadline_s=reply.deadline_s),)
 
 
-def test_what_answers_otherwise_than_in_modbus_is_reported_and_is_no_starter() -> None:
-    bus = SimulatedLine(TIMING, [make_unit("ssw07", 5)])
-    bus.impair(5, Corrupted())
+@pytest.mark.parametrize(
+    ("product", "is_corrupted", "reason"),
+    [(None, True, "not in Modbus"), ("PM-5000", False, "PM-5000")],
+)
+def test_what_is_no_starter_is_reported_with_what_it_says(
+    product: str | None, reason: str, *, is_corrupted: bool
+) -> None:
+    bus = SimulatedLine(TIMING, [make_unit("ssw07", 5, product=product)])
+    if is_corrupted:
+        bus.impair(5, Corrupted())
 
     (found,) = search(bus)
 
     assert found.profile is None
-    assert "not in Modbus" in found.identity.reason
-
-
-def test_a_unit_of_no_known_family_is_reported_with_what_it_says() -> None:
-    stranger = make_unit("ssw07", 5, product="PM-5000")
-
-    (found,) = search(SimulatedLine(TIMING, [stranger]))
-
-    assert found.profile is None
-    assert "PM-5000" in found.identity.reason
+    assert reason in found.identity.reason
 
 
 def find(family: str | None, address: int, framing: str = "8N2", **facts: Any) -> Find:

@@ -28,16 +28,23 @@ from gateway.contract import (
 BASE = "starters/plant"
 NOW_S = 1_700_000_000.0
 LOCK = LockRecord(by="alice", since_s=NOW_S, reason="bearing")
-
-
+STARTER = {
+    "starter": "pump",
+    "family": "ssw07",
+    "quality": Quality.GOOD,
+    "flags": {"remote": True},
+    "since_s": NOW_S,
+}
+ALARM = {"is_active": True, "severity": "alarm", "points": {}}
+COMMAND = {"client": "alice", "verb": "start", "code": "ok", "values": {}, "commands": ()}
 KNOWN = {
     **dict.fromkeys(("model", "firmware", "serial", "cleared_s")),
     **dict.fromkeys(("reason", "text"), ""),
     **dict.fromkeys(("seq", "count", "address"), 1),
     **dict.fromkeys(("id", "run", "boot", "line"), "1"),
-    "starter": "pump", "client": "alice", "family": "ssw07", "points": {}, "commands": (),
-    "quality": Quality.GOOD, "flags": {"remote": True}, "since_s": NOW_S,
-    "is_active": True, "severity": "alarm", "verb": "start", "code": "ok", "values": {},
+    **STARTER,
+    **ALARM,
+    **COMMAND,
 }
 
 
