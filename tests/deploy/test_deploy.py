@@ -67,17 +67,6 @@ def test_the_scripts_that_get_programs_are_right_shell_scripts() -> None:
         subprocess.run(["bash", "-n", script], check=True)
 
 
-def test_what_takes_long_says_so_at_once_and_shows_its_output_only_when_it_fails() -> None:
-    def said(command: str) -> tuple[int, str]:
-        words = [DEPLOY / "progress.sh", "Making tea", "sh", "-c", command]
-        done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=60.0)
-        assert done.stderr.startswith("Making tea ... 0 s\n")
-        return done.returncode, re.sub(r"Making tea \.\.\. \d+ s\n", "", done.stderr)
-
-    assert said("echo noise") == (0, "")
-    assert said("echo no water; exit 3") == (3, "no water\n")
-
-
 def test_the_assumed_times_are_those_of_the_shipped_service() -> None:
     unit = SERVICE.read_text("utf-8")
     manager = Restart()
