@@ -11,7 +11,7 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, frames, play, row
 from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, operator
-from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
+from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
 
 ENTER = "05 00 01 ff 00"  # of the SST's configuration mode
 
@@ -66,14 +66,7 @@ SETS = [
         PUMP,
         cli(SAVED),
         cli(SAVED, code=2, err="pump.toml exists already"),
-        lambda plant: next(
-            (
-                text
-                for text in ('family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { ")
-                if text not in (plant.folder / "pump.toml").read_text()
-            ),
-            "",
-        ),
+        file_has("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { "),
     ),
     row(
         "a row that the starter refuses is noted",

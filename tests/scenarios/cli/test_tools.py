@@ -12,10 +12,10 @@ import comtrade
 import pytest
 
 from gateway.families import FAMILIES
-from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
+from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, result, row
 from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter, table
 from tests.rig.state import with_sql
-from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
+from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
 TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05", 9.0: "end"}
@@ -24,35 +24,6 @@ NAMED = (
     + SSW07
     + ALICE
 )
-
-
-def lines_of(name: str, *texts: str, but: tuple[str, ...] = ()) -> Any:
-    """Return the expectation that a file in the folder has these texts, and not those."""
-
-    def check(plant: RigPlant) -> str:
-        said = (plant.folder / name).read_text()
-        found = [text for text in texts if text not in said] + [text for text in but if text in said]
-        return f"{name}: {found}\n{said[:2000]}" if found else ""
-
-    return check
-
-
-def file_there(name: str, *, is_there: bool = True) -> Any:
-    return lambda plant: (
-        "" if (plant.folder / name).exists() is is_there else f"{name} is there: {not is_there}"
-    )
-
-
-def changed(name: str, pattern: str, by: str) -> Any:
-    """Return the action that changes a file in the folder."""
-
-    def change(plant: RigPlant) -> None:
-        path = plant.folder / name
-        text, count = re.subn(pattern, by, path.read_text())
-        assert count, f"{pattern} is not in {path.read_text()}"
-        path.write_text(text)
-
-    return change
 
 
 def ran(words: str, **said: object) -> Any:
@@ -115,7 +86,7 @@ def _curve_of_a_start(plant: RigPlant) -> str:
     (start,) = [each["id"] for each in records if "outcome" in each]
     exported = f"history CONFIG pump --id {start} --comtrade DIR/start --csv DIR/start.csv"
     wrong = cli(exported, out="start.cfg: ")(plant) or _read_by_comtrade("start", "current")(plant)
-    return wrong or lines_of("start.csv", "t_s,time,", "current [A]")(plant)
+    return wrong or file_has("start.csv", "t_s,time,", "current [A]")(plant)
 
 
 def _corrupted(plant: RigPlant) -> None:
@@ -425,8 +396,8 @@ HISTORY = [
                     "history CONFIG pump --csv -", out=(re.compile("^t_s,time,"), "current [A]", "fault_code")
                 ),
                 cli("history CONFIG pump --comtrade DIR/trip", out="trip.cfg: trip "),
-                lines_of("trip.cfg", ",2013", "current,,,A", "ASCII"),
-                file_there("trip.dat"),
+                file_has("trip.cfg", ",2013", "current,,,A", "ASCII"),
+                file_has("trip.dat"),
                 _read_by_comtrade("trip", "current"),
                 _curve_of_a_start,
                 cli("history CONFIG pump --csv DIR/none/x.csv", code=1, out="", err="cannot be written"),
@@ -456,7 +427,7 @@ HISTORY = [
                 cli("report CONFIG pump --no-broker", out="Health report: pump"),
                 cli("report CONFIG pump --language es", out="Informe de estado: pump"),
                 cli("report CONFIG pump --html DIR/pump.html", out="pump.html: written"),
-                lines_of("pump.html", "<html", "<svg", "E05", but=("<script",)),
+                file_has("pump.html", "<html", "<svg", "E05", but=("<script",)),
             ]
         },
     ),
@@ -477,7 +448,7 @@ BACKUP = [
                 cli("backup CONFIG CONFIG", code=2, err="is there, and no backup"),
                 cli("restore DIR/b.tar.gz", code=1, out="", err=("already there: ", "--replace", "--to DIR")),
                 cli("restore DIR/b.tar.gz --to DIR/new", out="locked until an operator unlocks them: pump"),
-                file_there("new/state/state.sqlite"),
+                file_has("new/site.toml", 'name = "pump"'),
                 cli("restore CONFIG", code=1, out="", err=("is no whole backup", "take another copy")),
                 cli(
                     "restore DIR/none.tar.gz",
@@ -503,11 +474,9 @@ BACKUP = [
             84.0: command("pump/alice/start"),
         },
         then={
-            81.0: lambda plant: (
-                "" if plant.results()[-1] == "start rejected locked" else str(plant.results())
-            ),
-            83.0: lambda plant: "" if plant.results()[-1] == "unlock confirmed ok" else str(plant.results()),
-            88.0: lambda plant: "" if plant.results()[-1] == "start confirmed ok" else str(plant.results()),
+            81.0: result("start rejected locked"),
+            83.0: result("unlock confirmed ok"),
+            88.0: result("start confirmed ok"),
         },
     ),
 ]
