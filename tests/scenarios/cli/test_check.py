@@ -11,7 +11,7 @@ from tests.rig.sites import ALICE, FOUR, SSW07, WEB, line, operator, starter, ta
 from tests.scenarios.cli.lines import LineRow, Texts, line_row, play_line
 
 MANY = "".join(starter(f"p{number}", number, "ssw07", watchdog_s=1.0) for number in range(1, 20))
-SLOW = line() + starter("pump", 1, "ssw900", every_s=2.0)
+WATCHDOGS = tuple(enumerate((7.0, 12.0, 40.0, 2.5), 1))  # s
 
 NO_REPEATER = re.compile(r"\A(?![\s\S]*repeater)")
 NO_TLS = '[mqtt]\nurl = "mqtt://broker.plant"\nallow_plaintext = true\n'
@@ -86,27 +86,24 @@ SAID: list[tuple[str, str, Texts]] = [
     ("the SST's manual names no limit", crowd(*["sst"] * 40), NO_REPEATER),
     ("lines may end as on Windows", SSW07.replace("\n", "\r\n"), "valid"),
     (
-        "a watchdog acts when the gateway crashes",
-        f"{SLOW}watchdog_s = 7\n",
+        "a watchdog acts when the gateway crashes, or hangs, or in neither case, or is tight",
+        line() + "".join(starter(f"s{n}", n, "ssw900", every_s=2.0, watchdog_s=w) for n, w in WATCHDOGS),
         (
             "to spare, outlasts nothing\n",
-            "warning starter pump: its watchdog of 7 s acts when the gateway crashes: ",
+            "warning starter s1: its watchdog of 7 s acts when the gateway crashes: ",
+            "outlasts a crash\n",
+            "starter s2: its watchdog of 12 s acts when the gateway hangs: ",
+            "outlasts both\n",
+            "warning starter s4: its watchdog of 2.5 s has ",
         ),
     ),
-    ("or hangs", f"{SLOW}watchdog_s = 12\n", ("outlasts a crash\n", "acts when the gateway hangs: ")),
-    ("or in neither case", f"{SLOW}watchdog_s = 40\n", "outlasts both\n"),
-    ("a tight one", f"{SLOW}watchdog_s = 2.5\n", "warning starter pump: its watchdog of 2.5 s has "),
     (
-        "an authority is missing",
-        '[mqtt]\nurl = "mqtts://b"\nca_file = "plant-ca.pem"\n' + SSW07,
-        "warning mqtt.ca_file: ",
+        "an authority, a certificate and a key are missing",
+        '[mqtt]\nurl = "mqtts://b"\nca_file = "plant-ca.pem"\n'
+        + SSW07
+        + table("web", cert_file="w.pem", key_file="web.key"),
+        ("warning mqtt.ca_file: ", "warning web.cert_file: ", "warning web.key_file: "),
     ),
-    (
-        "a certificate is",
-        f'{SSW07}[web]\ncert_file = "w.pem"\nkey_file = "site.toml"\n',
-        "warning web.cert_file: ",
-    ),
-    ("a key is", f'{SSW07}[web]\ncert_file = "site.toml"\nkey_file = "web.key"\n', "warning web.key_file: "),
     ("a clock proves nothing", DATED, "warning operator alice: the commands of this operator need issued_at"),
     (
         "hosts of Sparkplug are one person",

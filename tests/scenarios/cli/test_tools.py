@@ -162,14 +162,15 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         code=None,
     ),
     looked(
-        "a broker that is away is an error",
+        "a broker that is away is an error, and a line whose adapter is gone",
         SSW07,
         "error   broker 127.0.0.1:1883: .*nothing listens there",
-        "1 error",
-        then=["broker down"],
+        "error   line pumps: ",
+        "2 errors",
+        then=["broker down", "line pumps unplug"],
     ),
     looked(
-        "so is one that refuses the gateway's login",
+        "so is a broker that refuses the gateway's login",
         SSW07,
         "error   broker 127.0.0.1:1883: the gateway's login: .*username and password",
         then=[lambda plant: setattr(plant.broker, "refuses", 134)],
@@ -183,12 +184,6 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         code=None,
         at_s=3.0,
         files={"alice.password": "hers\n"},
-    ),
-    looked(
-        "a line whose adapter is gone is an error",
-        SSW07,
-        "error   line pumps: ",
-        then=["line pumps unplug"],
     ),
     looked(
         "another starter than the one configured is an error",
@@ -205,13 +200,6 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
     ),
     looked("a starter that does not answer is an error", SSW07, "error   starter pump: ", absent=("pump",)),
     looked(
-        "a watchdog that the polls keep quiet is a note, with what it would do",
-        SSW07,
-        r"starter pump: after 30 s without a request .*\(P314\)",
-        code=None,
-        sim={"pump": {"settings": {314: 30, 313: 2}}},
-    ),
-    looked(
         "four starters that are set up well are no problem",
         FOUR,
         r"\n0 errors, |\nno problems",
@@ -219,10 +207,16 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         code=None,
     ),
     looked(
-        "a start that its starter would not execute is a problem",
-        SSW07,
-        "starter pump: a start is not executed",
-        sim={"pump": {"settings": {230: 0}}},
+        "settings are judged: a watchdog that the polls keep quiet, those as delivered, a start not executed",
+        SSW07 + starter("second", 2, "ssw07") + starter("third", 3, "ssw07"),
+        r"note +starter pump: after 30 s without a request .*\(P314\)",
+        r"starter second: .*as delivered: P220 = 3 \(.*P314 = 0 \(off\)",
+        "error   starter third: a start is not executed",
+        sim={
+            "pump": {"settings": {314: 30, 313: 2}},
+            "second": {"settings": {220: 3, 230: 2}},
+            "third": {"settings": {230: 0}},
+        },
     ),
     looked(
         "a watchdog that the polls do not keep is a problem",
@@ -231,13 +225,6 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         "P314 runs since this look",
         sim={"p1": {"settings": {314: 1}}},
         absent=tuple(f"p{n}" for n in range(2, 9)),
-    ),
-    looked(
-        "settings that stand as delivered are named",
-        SSW07,
-        r"as delivered: P220 = 3 \(.*P314 = 0 \(off\)",
-        code=None,
-        sim={"pump": {"settings": {220: 3, 230: 2}}},
     ),
     asked(
         "where a gateway holds the port it is asked instead",
@@ -292,6 +279,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
     ),
 ]
 
+NO_ENTRIES = ("nonsense", "[]")
 AUDIT = [
     row(
         "the audit says who did what, with the result",
@@ -321,34 +309,32 @@ AUDIT = [
         },
     ),
     row(
-        "an entry that was changed breaks the chain",
+        "an entry that was changed breaks the chain; the newest that were cut off only a noted hash shows",
         given=SSW07 + ALICE,
         at={
             3.0: command("pump/alice/start"),
-            6.0: ["end", with_sql("UPDATE audit SET line = replace(line, 'alice', 'mallory')")],
+            6.0: "end",
+            7.0: with_sql("UPDATE audit SET line = replace(line, 'alice', 'mallory')"),
         },
-        then={6.0: cli("audit verify CONFIG", code=1, out=("line 2: was changed", "chain broken"))},
+        then={
+            6.0: _cut_off,
+            7.0: cli("audit verify CONFIG", code=1, out=("line 2: was changed", "chain broken")),
+        },
     ),
     row(
-        "that the newest entries were cut off only a hash that was noted shows",
-        given=SSW07 + ALICE,
-        at={3.0: command("pump/alice/start"), 6.0: "end"},
-        then={6.0: _cut_off},
-    ),
-    *(
-        ended(
-            f"what is no entry is shown as such: {text}",
-            SSW07,
-            cli("audit show CONFIG --last 1", out=f"?  {text!r}\n"),
-            then=[with_sql("INSERT INTO audit (line, upto) VALUES (?, 0)", text)],
-        )
-        for text in ("nonsense", "[]")
-    ),
-    ended(
-        "an empty table is an empty chain",
-        SSW07,
-        cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole"),
-        then=[with_sql("DELETE FROM audit")],
+        "what is no entry is shown as such, and an empty table is an empty chain",
+        given=SSW07,
+        at={
+            3.0: [
+                "end",
+                *(with_sql("INSERT INTO audit (line, upto) VALUES (?, 0)", each) for each in NO_ENTRIES),
+            ],
+            4.0: with_sql("DELETE FROM audit"),
+        },
+        then={
+            3.0: cli("audit show CONFIG --last 2", out=tuple(f"?  {each!r}\n" for each in NO_ENTRIES)),
+            4.0: cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole"),
+        },
     ),
 ]
 
@@ -481,6 +467,7 @@ BACKUP = [
     ),
 ]
 
+ONLINE = "starters/plant  online  LIVE"
 WATCH = [
     row(
         "watch shows each starter with state, current, fault and the last command",
@@ -488,20 +475,14 @@ WATCH = [
         sim={"pump": QUICK},
         at={3.0: command("pump/alice/start")},
         then={
-            6.0: cli(
-                "watch CONFIG --once",
-                out=(
-                    "starters/plant  online  LIVE",
-                    re.compile("fan .* ready"),
-                    re.compile("pump .* running"),
+            6.0: [
+                cli(
+                    "watch CONFIG --once",
+                    out=(ONLINE, re.compile("fan .* ready"), re.compile("pump .* running")),
                 ),
-            )
+                cli("watch mqtt://127.0.0.1 --once", out=ONLINE),
+            ]
         },
-    ),
-    beside(
-        "a broker's address will do",
-        SSW07,
-        cli("watch mqtt://127.0.0.1 --once", out="starters/plant  online  LIVE"),
     ),
     ended(
         "what is not live is never shown as if it were",
@@ -522,13 +503,14 @@ WATCH = [
 
 UPGRADE = [
     beside(
-        "a watchdog that a restart would trip ends with 75, and with what to do",
-        SSW07 + starter("fan", 2, "ssw06"),
+        "a watchdog that a restart would trip ends with 75, also one that is only configured",
+        SSW07 + starter("fan", 2, "ssw06") + starter("mill", 3, "ssw900", watchdog_s=7.0),
         while_it_runs(
             "check CONFIG --upgrade",
             code=75,
             out=(
                 re.compile(r"pump: a restart may leave it .* s at the worst; its watchdog of 5 s is "),
+                "mill: a restart may leave it",
                 "stop these motors first, or make their watchdogs longer",
             ),
         ),
@@ -539,11 +521,6 @@ UPGRADE = [
         ),
         at_s=6.0,
         sim={"pump": {"settings": {314: 5, 313: 1}}},
-    ),
-    beside(
-        "one of the configuration counts as well",
-        SSW07 + "watchdog_s = 7.0\n",
-        while_it_runs("check CONFIG --upgrade", code=75, out="pump: a restart may leave it"),
     ),
     beside(
         "a restart is safe for a watchdog that is long enough",
