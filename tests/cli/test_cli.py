@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import io
 import re
-import socket
 import subprocess
 import sys
 import threading
@@ -144,42 +143,25 @@ def test_a_password_for_the_page_is_piped_or_typed_twice(
     assert code or is_password("correct horse", tomllib.loads(ran.out)["password"])
 
 
-@pytest.fixture
-def documentation(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
-    (tmp_path / "index.html").write_text("<h1>Starter Gateway</h1>", "utf-8")
+def test_the_documentation_is_served_on_loopback_or_it_is_said_why_not(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(docs, "SITE", tmp_path)
-    return tmp_path
-
-
-def test_the_documentation_is_served_on_loopback(documentation: Path) -> None:
+    missing = run_cli("docs")
+    (tmp_path / "index.html").write_text("<h1>Starter Gateway</h1>", "utf-8")
     server = docs.server_of(0)
     serving = threading.Thread(target=server.serve_forever)
     serving.start()
     try:
         with urlopen(f"http://127.0.0.1:{server.server_port}/") as answer:
             assert b"Starter Gateway" in answer.read()
+        in_use = run_cli("docs", "--port", str(server.server_port))
     finally:
         server.shutdown()
         serving.join()
         server.server_close()
+
     assert server.server_address[0] == "127.0.0.1"
-
-
-def test_a_port_in_use_is_said_with_a_remedy(documentation: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    with socket.socket() as other:
-        other.bind(("127.0.0.1", 0))
-        other.listen()
-        port = other.getsockname()[1]
-
-        assert main(["docs", "--port", str(port)]) == 1
-    assert f"127.0.0.1:{port}" in (said := capsys.readouterr().err)
-    assert "take another --port" in said
-
-
-def test_a_program_without_its_documentation_says_how_to_build_it(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    monkeypatch.setattr(docs, "SITE", tmp_path / "none")
-
-    assert main(["docs"]) == 1
-    assert "make site" in capsys.readouterr().err
+    assert (missing.code, "make site" in missing.err) == (1, True)
+    assert in_use.code == 1
+    assert re.search(rf"127\.0\.0\.1:{server.server_port}.*take another --port", in_use.err)

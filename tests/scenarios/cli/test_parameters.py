@@ -10,7 +10,7 @@ from typing import Any
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, frames, play, row
-from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, operator
+from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, operator, starter
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
 
 ENTER = "05 00 01 ff 00"  # of the SST's configuration mode
@@ -172,12 +172,6 @@ SETS = [
         **wanted("ssw07", model="SSW-07 17.0A", P314=3),
     ),
     beside(
-        "so is one of another family",
-        PUMP,
-        restore("pump", code=2, err="the file is of family ssw06, pump of ssw07: choose another file"),
-        **wanted("ssw06", P314=3),
-    ),
-    beside(
         "an operator needs the rights",
         SSW07 + operator("bob", may=("read",)) + operator("carol", may=("stop",)),
         cli("parameters save CONFIG pump -", code=2, err="which operator? (--client with one of bob, carol)"),
@@ -195,17 +189,13 @@ SETS = [
         **P314,
     ),
     beside(
-        "a starter that is silent is not saved",
-        PUMP,
+        "a starter that is silent is not saved, nor one of another family than the one configured",
+        SSW07 + starter("fan", 2, "ssw06") + ALICE,
         cli(SAVED, code=1, err="the gateway reads nothing of pump: the starter does not answer"),
-        absent=("pump",),
-    ),
-    beside(
-        "nor one of another family than the one configured",
-        PUMP,
-        cli(SAVED, code=1, err="it is ssw06, not ssw07"),
+        cli("parameters save CONFIG fan -", code=1, err="it is ssw07, not ssw06"),
         at_s=10.0,
-        sim={"pump": {"family": "ssw06"}},
+        absent=("pump",),
+        sim={"fan": {"family": "ssw07"}},
     ),
     row(
         "a restore that loses the broker says what was written",
@@ -267,6 +257,7 @@ FILES = [
         ("save CONFIG pump a.toml", 2, "", "exists already"),
         ("save CONFIG pump nowhere/a.toml", 2, "", "no folder"),
         ("restore CONFIG pump CONFIG", 2, "", "[starter]"),
+        ("restore CONFIG pump c.toml", 2, "", "the file is of family ssw06, pump of ssw07: choose another"),
     ]
 ]
 
