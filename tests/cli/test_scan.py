@@ -19,16 +19,11 @@ from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.faults import Impairment, Reply
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.virtual_time import run_virtually
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
 READS = {3, 4, 43}  # what every family allows
-
-
-def four_units() -> list[SimulatedUnit]:
-    return [make_unit(family, address) for address, family in enumerate(FAMILIES, 3)]
 
 
 def search(
@@ -48,18 +43,13 @@ def search(
     return run_virtually(run())
 
 
-def functions(bus: SimulatedLine) -> set[int]:
-    """Return the functions of all requests that went out."""
-    return {decode(frame.data).pdu[0] for frame in bus.transcript if frame.sender == 0}
-
-
 def test_x_05_nothing_is_written_and_only_reads_that_every_family_allows_are_sent() -> None:
-    bus = SimulatedLine(TIMING, four_units())
+    bus = SimulatedLine(TIMING, [make_unit(family, address) for address, family in enumerate(FAMILIES, 3)])
 
     found = search(bus)
 
     assert len(found) == 4
-    assert functions(bus) <= READS
+    assert {decode(frame.data).pdu[0] for frame in bus.transcript if frame.sender == 0} <= READS
     assert [list(unit.writes) for unit in bus.units] == [[], [], [], []]
     assert bus.violations == []
 
