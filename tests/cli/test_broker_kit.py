@@ -14,22 +14,23 @@ from gateway.cli.broker_kit.settings import KitSettings
 from gateway.cli.main import main
 from gateway.config.reading import parse
 from tests.config.sites import changed
+from tests.rig.sites import operator, table
 
 URL = 'url = "mqtts://broker.plant:8883"'
 NAMED = (URL, f'{URL}\nusername = "mcc1"\npassword_file = "mqtt.password"')
 DATED = ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"')
-SPARKPLUG = """
-[sparkplug]
-group = "plant"
-urls = ["mqtts://broker.plant"]
-username = "mcc1-spb"
-primary_host = "scada"
-commands = true
-operator = "alice"
-"""
-HOME_ASSISTANT = '\n[homeassistant]\noperator = "alice"\n'
+SPARKPLUG = table(
+    "sparkplug",
+    group="plant",
+    urls=["mqtt://localhost"],
+    username="mcc1-spb",
+    primary_host="scada",
+    commands=True,
+    operator="alice",
+)
+HOME_ASSISTANT = table("homeassistant", operator="alice")
 PLAIN = (URL, 'url = "mqtt://localhost"\nusername = "mcc1"')  # needs no certificate
-BOB = '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n'
+BOB = operator("bob", ("stop",))
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
 SEEN = {"starters/mcc1/starter/#", "starters/mcc1/gateway/#"}
 BORN = {"NBIRTH/mcc1", "NDATA/mcc1", "NDEATH/mcc1", "DBIRTH/mcc1/+", "DDATA/mcc1/+", "DDEATH/mcc1/+"}
@@ -93,8 +94,7 @@ def rights(acl: Path) -> dict[str, tuple[set[str], set[str]]]:
 
 
 def test_each_login_may_do_what_it_is_for_and_nothing_else(tmp_path: Path) -> None:
-    spb = SPARKPLUG.replace("mqtts://broker.plant", "mqtt://localhost")
-    site = changed(PLAIN, DATED, ("[[operator]]", f"{HOME_ASSISTANT}{spb}\n[[operator]]"))
+    site = changed(PLAIN, DATED) + HOME_ASSISTANT + SPARKPLUG
 
     kit = made(
         tmp_path, "--login=alice-send=alice", "--bridge=central", "--bridge-base=acme/{gateway}", site=site
@@ -135,25 +135,23 @@ def test_the_proof_tries_every_verb_and_expects_what_the_list_says() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "up", "down"),
+    ("site", "up", "down"),
     [
-        (("[[operator]]", f"{HOME_ASSISTANT}\n[[operator]]"), {*TELEMETRY, DISCOVERY}, {BIRTH}),
-        (("[[operator]]", f"{BOB}\n[[operator]]"), TELEMETRY, {"starters/mcc1/command/+/alice/+"}),
+        (changed(PLAIN) + HOME_ASSISTANT, {*TELEMETRY, DISCOVERY}, {BIRTH}),
+        (changed(PLAIN, DATED) + BOB, TELEMETRY, {"starters/mcc1/command/+/alice/+"}),
     ],
     ids=["discovery, as both bases are the same", "no operator who may also prove by token"],
 )
-def test_a_bridge_passes(tmp_path: Path, change: tuple[str, str], up: set[str], down: set[str]) -> None:
-    dated = () if "home" in change[1] else (DATED,)
-
-    found = rights(made(tmp_path, "--bridge=central", site=changed(PLAIN, change, *dated)) / "acl")
+def test_a_bridge_passes(tmp_path: Path, site: str, up: set[str], down: set[str]) -> None:
+    found = rights(made(tmp_path, "--bridge=central", site=site) / "acl")
 
     assert (found["bridge-up"], found["bridge-down"]) == ((up, set()), (set(), down))
 
 
 def test_sparkplug_at_another_broker_has_no_rights_at_this_one(tmp_path: Path) -> None:
-    elsewhere = ("[[operator]]", '[sparkplug]\ngroup = "plant"\nurls = ["mqtts://other"]\n\n[[operator]]')
+    elsewhere = changed(PLAIN) + table("sparkplug", group="plant", urls=["mqtts://other"])
 
-    assert "spBv1.0" not in (made(tmp_path, site=changed(PLAIN, elsewhere)) / "acl").read_text("utf-8")
+    assert "spBv1.0" not in (made(tmp_path, site=elsewhere) / "acl").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
