@@ -40,6 +40,7 @@ def entered_once(plant: RigPlant) -> str:
 SAVED = "parameters save CONFIG pump DIR/pump.toml"
 PUMP, MILL, BELT = SSW07 + ALICE, SSW900 + ALICE, SST + ALICE
 P314 = wanted("ssw07", P314=30)
+WATCHED = wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop")
 SETS = [
     *(
         beside(
@@ -110,7 +111,7 @@ SETS = [
         restore("mill", out="written and read back: C8.2.5.3, C8.2.5.1, C8.2.5.2"),
         restore("mill", out="nothing to write"),
         frames("mill", "06 02 de 00 0f", "06 02 e4 00 02", "06 02 e5 00 01"),
-        **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
+        **WATCHED,
     ),
     row(
         "the first setting that is not followed ends a restore, with an account",
@@ -123,7 +124,7 @@ SETS = [
                 out=("written and read back: C8.2.5.3\n", "unconfirmed: C8.2.5.1: ", "not tried: C8.2.5.2"),
             )
         },
-        **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
+        **WATCHED,
     ),
     beside(
         "an SST is configured once for all its registers",
@@ -213,7 +214,7 @@ SETS = [
                 err="was lost before the final result",
             )
         },
-        **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
+        **WATCHED,
     ),
 ]
 

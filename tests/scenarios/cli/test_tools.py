@@ -18,7 +18,7 @@ from tests.rig.state import with_sql
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
-TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05", 9.0: "end"}
+TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05"}
 NAMED = (
     '[mqtt]\nurl = "mqtts://broker.plant:8883"\nusername = "plant"\npassword_file = "mqtt.password"\n'
     + SSW07
@@ -338,10 +338,10 @@ AUDIT = [
 
 HISTORY = [
     row(
-        "starts and trips are listed, of one starter or of all",
+        "starts and trips are listed, of one starter or of all, and exported as CSV and COMTRADE",
         given=SSW07 + starter("fan", 2, "ssw06") + ALICE,
         sim={"pump": QUICK},
-        at=TRIPPED,
+        at={**TRIPPED, 9.0: "end"},
         then={
             9.0: [
                 cli(
@@ -366,16 +366,6 @@ HISTORY = [
                     code=2,
                     err="there is no record 1-1; without --id they are listed",
                 ),
-            ]
-        },
-    ),
-    row(
-        "the newest trip is exported as CSV and COMTRADE",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at=TRIPPED,
-        then={
-            9.0: [
                 cli(
                     "history CONFIG pump --csv -", out=(re.compile("^t_s,time,"), "current [A]", "fault_code")
                 ),
@@ -393,7 +383,7 @@ HISTORY = [
         "the report has identity, starts and trips, in the language asked for, and as a page",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 6.0: "pump trip E05"},
+        at=TRIPPED,
         then={
             12.0: [
                 cli(
@@ -482,19 +472,13 @@ WATCH = [
             ]
         },
     ),
-    ended(
-        "what is not live is never shown as if it were",
-        SSW07,
-        cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?")),
-    ),
     row(
-        "without a broker there is no table",
+        "what is not live is never shown as if it were, and without a broker there is no table",
         given=SSW07,
-        at={3.0: "broker down"},
+        at={3.0: "end", 4.0: "broker down"},
         then={
-            3.5: cli(
-                "watch CONFIG --once", code=1, out="", err="nothing listens there (is the broker running?)"
-            )
+            3.0: cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?")),
+            4.0: cli("watch CONFIG --once", code=1, out="", err="nothing listens there (is the broker run"),
         },
     ),
 ]
