@@ -62,14 +62,12 @@ SAID: list[tuple[str, str, Texts]] = [
         ),
     ),
     (
-        "a plain ttyUSB may be another tomorrow",
-        SSW07.replace("/dev/pumps", "/dev/ttyUSB9"),
-        "warning line pumps: /dev/ttyUSB9 may be another adapter tomorrow (use a name",
-    ),
-    (
-        "without TLS, where that is permitted, there is a warning",
-        NO_TLS + SSW07,
-        "warning mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)",
+        "a plain ttyUSB, which may be another tomorrow, and a broker without TLS are warned of",
+        NO_TLS + SSW07.replace("/dev/pumps", "/dev/ttyUSB9"),
+        (
+            "warning line pumps: /dev/ttyUSB9 may be another adapter tomorrow (use a name",
+            "warning mqtt.url: passwords and commands cross the network unencrypted (use mqtts://)",
+        ),
     ),
     ("a site without operators is read-only", SSW07, "1 starter on 1 line, read-only\n"),
     (
