@@ -62,7 +62,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     state = StateStore(
         site.state_dir / STATE_FILE,
         boot=boot.run,
-        has_operators=bool(config.operators),
         publish_event=publish_event,
     )
     uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=bus, publish_event=publish_event)

@@ -147,7 +147,7 @@ class App:
         self.site = site
         ended = self.plant.reconfigure(changes)
         self.clock_watch.reconfigure(config.gateway.clock)
-        self.state.apply(has_operators=bool(config.operators))
+        self.state.audit.note("gateway_reloaded", "by another configuration from now on")
         self.uplink.reconfigure(config)
         for name in self.policy.apply(policy_of(config), rights=rights):
             self.plant.starters[name].republish_state()

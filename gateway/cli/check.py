@@ -84,7 +84,7 @@ def _check_upgrade(path: str, site: Site, *, as_json: bool) -> int:
         raise StartError(what, "run this as the gateway's user, or as root") from error
     except OSError:
         pass  # there is none yet
-    backup.refuse_newer(site.state_dir)
+    backup.found_versions(site.state_dir)  # of which none may be later
     is_running, gaps = is_locked(site.state_dir, if_unseen=True), planned_gaps(site)
     tight = [gap for gap in gaps if not gap.is_safe] if is_running else []
     if as_json:

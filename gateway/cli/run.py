@@ -17,7 +17,6 @@ from gateway.app.io import MACHINE, Io
 from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import upgrade_site
-from gateway.store import backup
 from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
 from gateway.system.log_thread import BackgroundHandler
@@ -39,7 +38,6 @@ def run(args: argparse.Namespace) -> int:
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where
     log_to_stderr(is_verbose=args.verbose)
     with instance_lock(site.state_dir):
-        backup.refuse_newer(site.state_dir)
         os.umask(0o077)  # whatever is made from now on is for the gateway's own user
         asyncio.run(serve_site(path, site))
     return 0

@@ -12,7 +12,6 @@ from gateway.config.convert import (
     setups_in,
     setups_of,
     timing_of,
-    version_of,
     wiring_of,
 )
 from gateway.config.diff import ConfigChanges, changes_of, fixed

@@ -82,15 +82,10 @@ def broker_of(
         username=username,
         password=password,
         tls=_tls_of(mqtt, folder) if mqtt.is_tls else None,
-        version=version_of(mqtt.version),
+        version=None if mqtt.version == "auto" else Version(mqtt.version),
         keepalive_s=mqtt.keepalive_s,
         seed=seed,
     )
-
-
-def version_of(text: str) -> Version | None:
-    """Return the version of MQTT that a table states; None for auto."""
-    return None if text == "auto" else Version(text)
 
 
 def _tls_of(mqtt: MqttTable, folder: Path) -> TlsSettings:

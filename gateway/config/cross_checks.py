@@ -6,19 +6,18 @@ none in others (`wrong_across`); the rest is judged of a configuration that has 
 
 from __future__ import annotations
 
-import os
 import posixpath
 from collections.abc import Iterator, Mapping
-from contextlib import suppress
 from fnmatch import fnmatchcase
 from itertools import chain
 from typing import Any
 
 from pydantic import ValidationError
 
-from gateway.config.integration_tables import DEFAULT_DISCOVERY_PREFIX, HomeAssistantTable
+from gateway.config.convert import policy_of
+from gateway.config.integration_tables import HomeAssistantTable
 from gateway.config.mistakes import Key, Mistake, choose, short, spell
-from gateway.config.schema import Config, SharedRulesTable
+from gateway.config.schema import Config
 from gateway.config.site_tables import RowTable, rows_of
 from gateway.families import FAMILIES, extension, load_profile
 from gateway.starters import OWN_POINT_NAMES
@@ -57,12 +56,12 @@ def wrong_across(document: Document) -> Iterator[Mistake]:
                 hint = choose(client, clients) if clients else "add an [[operator]] with this client"
                 yield Mistake(key, f"{short(client)} is no [[operator]]'s client", hint)
     yield from _wrong_codes(document, families)
-    yield from _half_feeders(document, starters)
 
 
 def broken_rules(config: Config) -> Iterator[Mistake]:
     """Yield every mistake that the whole site shows."""
     yield from _traced(config)
+    yield from _half_feeders(config)
     if config.home_assistant is not None:
         yield from _home_assistant(config.home_assistant, config.base)
     if config.metrics is not None and config.metrics.textfile is None and config.web is None:
@@ -90,18 +89,10 @@ def _alike(document: Document, families: _Families) -> Iterator[Mistake]:
             if type(value) not in (str, int):
                 continue
             scope = key[1] if key[-1] == "address" else families.get(key[:2])
-            compared = scope, _adapter(str(value)) if key[-1] == "port" else value
+            compared = scope, posixpath.normpath(str(value)) if key[-1] == "port" else value
             if compared in seen:
                 yield Mistake(key, f"{short(value)} is also {spell(seen[compared])}", hint)
             seen.setdefault(compared, key)
-
-
-def _adapter(port: str) -> object:
-    """Return what all names of an adapter have in common: its device number, while it is plugged in."""
-    with suppress(OSError, ValueError):
-        if number := posixpath.isabs(port) and os.stat(port).st_rdev:
-            return number
-    return posixpath.normpath(port)
 
 
 def _unfitting(key: Key, pattern: str, starters: Mapping[Key, str], families: _Families) -> Iterator[Mistake]:
@@ -139,19 +130,14 @@ def _wrong_codes(document: Document, families: _Families) -> Iterator[Mistake]:
                 yield Mistake(key, *extension.why_no_row(profiles, str(code)))
 
 
-def _half_feeders(document: Document, starters: Mapping[Key, str]) -> Iterator[Mistake]:
+def _half_feeders(config: Config) -> Iterator[Mistake]:
     """Yield starters with a feeder that is named without a time, or a time without a feeder."""
-    shared = [table for _, table in _at(document, "rules") if isinstance(table, dict)]
-    own = {key[:-1]: table for key, table in _at(document, "line.starter.rules") if isinstance(table, dict)}
-    for at, name in starters.items():
-        fitting = [
-            each for each in shared if any(fnmatchcase(name, str(p)) for _, p in _at(each, "starters"))
-        ]
-        given = {*own.get(at, ()), *chain(*fitting)}
-        for one, other in (("feeder", "stagger_s"), ("stagger_s", "feeder")):
-            if one in given and other not in given and given <= {*SharedRulesTable.model_fields}:
-                hint = "a feeder and the time between two starts on it go together"
-                yield Mistake((*at, "name"), f"{short(name)} has {one} without {other}", hint)
+    rules = policy_of(config).rules
+    for at, line in enumerate(config.lines):
+        for place, starter in enumerate(line.starters):
+            if bool(rules[starter.name].feeder) != bool(rules[starter.name].stagger_s):
+                key, what = ("line", at, "starter", place, "name"), "has only one of feeder and stagger_s"
+                yield Mistake(key, what, "a feeder and the time between two starts on it go together")
 
 
 def _traced(config: Config) -> Iterator[Mistake]:
@@ -165,19 +151,13 @@ def _traced(config: Config) -> Iterator[Mistake]:
 
 def _home_assistant(table: HomeAssistantTable, base: str) -> Iterator[Mistake]:
     """Yield topics that are the gateway's own, Sparkplug's or discovery's."""
-    prefix = table.discovery_prefix
-    if "discovery_prefix" not in table.model_fields_set and _is_one_in_the_other(base, prefix):
-        hint = f"another base, or discovery_prefix, which is {short(DEFAULT_DISCOVERY_PREFIX)} by itself"
-        yield Mistake(("mqtt", "base"), "lies among the topics of Home Assistant's discovery", hint)
-    for key in table.model_fields_set & {"discovery_prefix", "birth_topic"}:
-        topic, where = getattr(table, key), ("homeassistant", key)
-        for others, whose in ((base, "the gateway's own"), (SPARKPLUG_NAMESPACE, "Sparkplug's")):
-            if _is_one_in_the_other(topic, others):
-                yield Mistake(where, f"lies among {whose} topics", f"a topic outside {short(others)}")
-    devices = f"{prefix}/device"
-    if _is_one_in_the_other(table.birth_topic or "", devices):
-        hint = f"a topic outside {short(devices)}, such as {prefix}/status"
-        yield Mistake(("homeassistant", "birth_topic"), "lies among the topics of discovery", hint)
+    own, spark = (base, "the gateway's own"), (SPARKPLUG_NAMESPACE, "Sparkplug's")
+    devices = f"{table.discovery_prefix}/device", "discovery's"
+    for key, foreign in (("discovery_prefix", (own, spark)), ("birth_topic", (own, spark, devices))):
+        for others, whose in foreign:
+            if _is_one_in_the_other(getattr(table, key) or "", others):
+                hint = f"a topic outside {short(others)}"
+                yield Mistake(("homeassistant", key), f"lies among {whose} topics", hint)
 
 
 def _is_one_in_the_other(one: str, other: str) -> bool:

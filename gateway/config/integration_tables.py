@@ -32,7 +32,6 @@ from gateway.config.values import (
 from gateway.system.password_hash import LINE_PATTERN
 
 DEFAULT_BASE = "starters/{gateway}"
-DEFAULT_DISCOVERY_PREFIX = "homeassistant"
 _UNENCRYPTED = "would send passwords and commands unencrypted"
 
 MqttVersion = Literal["auto", "5", "3.1.1"]
@@ -152,7 +151,7 @@ class MetricsTable(ConfigTable):
 class HomeAssistantTable(ConfigTable):
     """`[homeassistant]`: announces the starters to Home Assistant; without this table nothing is."""
 
-    discovery_prefix: Topic = Field(DEFAULT_DISCOVERY_PREFIX, description="The discovery prefix set there.")
+    discovery_prefix: Topic = Field("homeassistant", description="The discovery prefix set there.")
     birth_topic: Topic | None = Field(None, description='Where it publishes "online"; absent: PREFIX/status.')
     operator: Name | None = Field(
         None, description="Its login at the broker, the `client` of an [[operator]], whose rights it has."

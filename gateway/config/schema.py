@@ -22,7 +22,7 @@ from gateway.config.integration_tables import (
     SparkplugTable,
     WebTable,
 )
-from gateway.config.mistakes import Mistake, choose, short
+from gateway.config.mistakes import Mistake, short
 from gateway.config.simulated_tables import SimulatedTable
 from gateway.config.site_tables import (
     DEFAULT_EVERY_S,
@@ -175,16 +175,10 @@ class LineTable(ConfigTable):
 
     def contradictions(self) -> Iterator[Mistake]:
         """Yield what is wrong with the order along the cable, and settings that a family does not have."""
-        names = [each.name for each in self.starters]
-        for position, name in enumerate(self.order or ()):
-            if name not in names:
-                yield Mistake(("order", position), f"{short(name)} is not on this line", choose(name, names))
-            elif self.order and name in self.order[:position]:
-                yield Mistake(("order", position), f"{short(name)} stands twice", "name each starter once")
-        missing = [name for name in names if name not in self.order] if self.order is not None else []
-        if missing and set(self.order or ()) <= set(names):
-            hint = "name all starters of the line as the cable passes them"
-            yield Mistake(("order",), f"leaves out {short(missing[0])}", hint)
+        names = sorted(each.name for each in self.starters)
+        if self.order is not None and sorted(self.order) != names:
+            hint = f"name {', '.join(names)} once each, as the cable passes them"
+            yield Mistake(("order",), "is not a list of all starters of this line", hint)
         for family, name in {each.family: each.name for each in self.starters}.items():
             bauds, framings = load_profile(family).bauds or (self.baud,), load_profile(family).framings
             for key, value, allowed in (("baud", self.baud, bauds), ("framing", self.framing, framings)):
@@ -256,19 +250,18 @@ class Config(ConfigTable):
         return self.mqtt.client_id or self.gateway.name
 
 
-def _tables(model: type[ConfigTable], header: str = "") -> Iterator[tuple[str, type[ConfigTable], bool]]:
-    """Yield the tables within one by their headers, and whether there may be several."""
-    for name, field in model.model_fields.items():
+def _tables(
+    model: type[ConfigTable], header: str = "", *, is_several: bool = False
+) -> Iterator[tuple[str, list[str], bool]]:
+    """Yield a table and all within it: header, keys, and whether there may be several."""
+    fields = {field.alias or name: field for name, field in model.model_fields.items()}
+    yield header, list(fields), is_several
+    for name, field in fields.items():
         for inner in (field.annotation, *get_args(field.annotation)):
             if isinstance(inner, type) and issubclass(inner, ConfigTable):
-                path = f"{header}.{field.alias or name}".lstrip(".")
-                yield path, inner, get_origin(field.annotation) is tuple
-                yield from _tables(inner, path)
+                path = f"{header}.{name}".lstrip(".")
+                yield from _tables(inner, path, is_several=get_origin(field.annotation) is tuple)
 
 
-def _keys(model: type[ConfigTable]) -> list[str]:
-    return [field.alias or name for name, field in model.model_fields.items()]
-
-
-TABLES = {"": _keys(Config)} | {header: _keys(model) for header, model, _ in _tables(Config)}  # their keys
+TABLES = {header: keys for header, keys, _ in _tables(Config)}
 REPEATED_TABLES = {header for header, _, is_several in _tables(Config) if is_several}  # [[line]], not [line]

@@ -6,6 +6,7 @@ configuration names none, each may be a credential of systemd [systemd.exec(5) L
 
 from __future__ import annotations
 
+import os
 import stat
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -36,30 +37,27 @@ def secret_of(table: str, config: Config, folder: str | Path, environ: Mapping[s
     owner, (key, credential) = getattr(config, table), SECRETS[table]
     if owner is None or not getattr(owner, "urls", True):
         return None
-    file = getattr(owner, key)
-    if file is not None:
+    if file := getattr(owner, key):
         return password_in(Path(folder) / file, key=f"{table}.{key}")
-    by_systemd = _credential(credential, environ)
-    return by_systemd or environ.get(VARIABLE) or None if table == "mqtt" else by_systemd
+    handed_on = Path(environ.get("CREDENTIALS_DIRECTORY") or os.devnull, credential)
+    # systemd leaves out a credential that the unit does not load; one that is there must be usable.
+    if handed_on.exists():
+        return _first_line(handed_on, credential)
+    return environ.get(VARIABLE) or None if table == "mqtt" else None
 
 
 def password_in(path: Path, *, key: str = "password_file") -> str:
     """Return a file's first line; ConfigError when it cannot be used, or others may use it too."""
-    try:
-        mode = path.stat().st_mode
-    except OSError as error:
-        raise _unusable(path, key, error.strerror or str(error), "create it, mode 0600") from error
-    if mode & (stat.S_IRWXG | stat.S_IRWXO):
+    password = _first_line(path, key)
+    if path.stat().st_mode & (stat.S_IRWXG | stat.S_IRWXO):
         raise _unusable(path, key, "others than its owner may use it", f"chmod 600 {path}")
-    return _first_line(path, key)
+    return password
 
 
 def files_of(config: Config) -> dict[Path, bool]:
     """Return every file that a configuration refers to, as it is named there, and whether it is a secret."""
-    found: dict[Path, bool] = {}
-    for path, is_secret in _files_in(config):
-        found[path] = is_secret or found.get(path, False)
-    return found
+    # Of a certificate and a key in one file the key counts.
+    return dict(sorted(_files_in(config), key=lambda found: found[1]))
 
 
 def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
@@ -78,21 +76,13 @@ def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
     return text, [user.name for user in users]
 
 
-def _credential(name: str, environ: Mapping[str, str]) -> str | None:
-    """Return a credential that systemd has handed on, or None."""
-    path = Path(environ.get("CREDENTIALS_DIRECTORY", ""), name)
-    try:
-        return _first_line(path, name) if path.is_absolute() and path.exists() else None
-    except OSError as error:
-        what = error.strerror or str(error)
-        raise _unusable(path, name, what, "see LoadCredential= of the unit") from error
-
-
 def _first_line(path: Path, key: str) -> str:
     try:
         lines = path.read_text(encoding="utf-8").splitlines()
     except OSError as error:
-        raise _unusable(path, key, error.strerror or str(error), "it must be the gateway's own") from error
+        raise _unusable(
+            path, key, error.strerror or str(error), "create it, mode 0600, the gateway's own"
+        ) from error
     except UnicodeDecodeError as error:
         raise _unusable(path, key, "is not UTF-8", "write it as one line of text") from error
     if not lines or not lines[0]:

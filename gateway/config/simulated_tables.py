@@ -10,7 +10,7 @@ from pydantic import Field
 from gateway.config.mistakes import Mistake
 from gateway.config.values import ConfigTable, Firmware
 from gateway.contract import CommandError
-from gateway.families import FAMILIES, Profile, load_profile, parameters
+from gateway.families import Profile, parameters
 
 Delay = Annotated[float, Field(ge=0.1, le=999)]  # s
 TimeConstant = Annotated[float, Field(ge=1, le=86400)]  # s
@@ -59,7 +59,7 @@ class SimulatedTable(ConfigTable):
             rows = profile.simulated.get(option)
             if getattr(self, option) and rows != ():
                 hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
-                yield Mistake((option,), _is_for(option), hint)
+                yield Mistake((option,), f"{profile.family} has no such option", hint)
         for code in self.parameters:
             row = profile.parameters.get(code)
             if row is None or row.table.is_bits or row.words != 1:
@@ -69,11 +69,6 @@ class SimulatedTable(ConfigTable):
             if not _is_marker(profile, code):
                 hint = "write COIL or DI and its address, such as DI7"
                 yield Mistake(("markers", code), f"{profile.family} has no such marker", hint)
-
-
-def _is_for(option: str) -> str:
-    known = (each for each in FAMILIES if load_profile(each).simulated.get(option) == ())
-    return f"is for {' and '.join(known)}"
 
 
 def _is_marker(profile: Profile, code: str) -> bool:

@@ -6,6 +6,8 @@ import ipaddress
 import posixpath
 import re
 from collections.abc import Callable, Iterator
+from contextlib import suppress
+from functools import partial
 from typing import Annotated, Self, TypeVar
 from urllib.parse import SplitResult, urlsplit
 
@@ -62,13 +64,14 @@ SparkplugId = Annotated[str, _text(r"^[^+/#\x00-\x1f\x7f]+$", 128, "a topic's le
 
 
 def split_url(url: str) -> tuple[SplitResult, int] | None:
-    """Return the parts and the port of a broker's URL, or None when it is not one."""
+    """Return the parts and the port of a broker's URL, or None when it is not one; a login is no part."""
     try:
         split = urlsplit(url)
         port = split.port
     except ValueError:
         return None
-    if split.scheme not in SCHEMES or not split.hostname or port == 0:
+    more = "@" in split.netloc or split.path not in ("", "/") or split.query or split.fragment
+    if more or split.scheme not in SCHEMES or not split.hostname or port == 0:
         return None
     return split, port or SCHEMES[split.scheme]
 
@@ -94,13 +97,8 @@ def is_loopback(host: str) -> bool:
 
 
 def _as_broker(url: str) -> str:
-    parts = split_url(url)
-    if parts is None:
-        raise wrong(f"{short(re.sub(r'[^/]*@', '...@', url))} is no broker address", "mqtts://host:8883")
-    split, _port = parts
-    if "@" in split.netloc or split.path not in ("", "/") or split.query or split.fragment:
-        hint = "a login goes into username and password_file; nothing follows the port"
-        raise wrong("has more than a host and a port", hint)
+    if split_url(url) is None:  # not shown: a password may be in it
+        raise wrong("is no broker address", "mqtts://host:8883; a login goes into username and password_file")
     return url
 
 
@@ -113,21 +111,14 @@ def _is_title(title: str) -> bool:
     return title.isprintable() and not title.isspace()
 
 
-def _is_network(text: str) -> bool:
-    try:
-        ipaddress.ip_network(text, strict=False)
-    except ValueError:
-        return False
-    return True
-
-
 def _only(is_right: Callable[[str], object], what: str, hint: str) -> AfterValidator:
-    """Return the check that a text is right; else it says what it is not, and gives the hint."""
+    """Return the check of a text: one that is not right, or raises ValueError, is refused with the hint."""
 
     def check(text: str) -> str:
-        if not is_right(text):
-            raise wrong(f"{short(text)} {what}", hint)
-        return text
+        with suppress(ValueError):
+            if is_right(text):
+                return text
+        raise wrong(f"{short(text)} {what}", hint)
 
     return AfterValidator(check)
 
@@ -137,7 +128,10 @@ BrokerUrl = Annotated[Text, AfterValidator(_as_broker)]
 Port = Annotated[Text, _only(_is_port, "is no port", "such as /dev/serial/by-id/... or socket://host:port")]
 Listen = Annotated[Text, _only(split_listen, "is no address with a port", "127.0.0.1:8480 or [::1]:8480")]
 Title = Annotated[Line, _only(_is_title, "cannot be printed", "letters, digits, signs and spaces")]
-Network = Annotated[Text, _only(_is_network, "is no address", "such as 192.0.2.7 or 10.0.0.0/8")]
+Network = Annotated[
+    Text,
+    _only(partial(ipaddress.ip_network, strict=False), "is no address", "such as 192.0.2.7 or 10.0.0.0/8"),
+]
 
 
 class ConfigTable(BaseModel):

@@ -1,8 +1,9 @@
 """The communication watchdogs of all starters as last known: read, from an earlier run, or admitted.
 
 The line keeps a starter from the shorter of two: the watchdog that the configuration states, and the one by
-its rows. A `set` that makes it shorter is admitted only if the line can keep it, and its rows count from then
-on until the next reading: the command's own read-back, and the look at the readiness that follows each write.
+its rows. A `set` that makes it shorter is admitted only if the line can keep it, and counts from then on,
+whatever is read of the old one before it is written. After the command's end it counts until the next
+reading, such as the look at the readiness that follows each write; if nothing was written, not at all.
 """
 
 from __future__ import annotations
@@ -54,8 +55,11 @@ class KnownWatchdogs:
     def __init__(self, documents: Documents | None = None, *, in_thread: InThread = _at_once) -> None:
         self._in_thread = in_thread
         self._starters: dict[str, tuple[StarterSetup, LineClient | None]] = {}  # in their lines' order
+        self._admitted: dict[
+            str, dict[str, tuple[int, ...]]
+        ] = {}  # by starter: of a set under way, and not yet read
         self._document = (documents or Documents()).open(
-            WATCHDOGS, KNOWN_ROWS, lambda: self._known, delay_s=SAVED_TOGETHER_S
+            WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S
         )
         self._known = self._document.loaded or {}
 
@@ -67,6 +71,11 @@ class KnownWatchdogs:
         """Know nothing more of a starter than what is stored of it."""
         self._starters.pop(name, None)
 
+    def known(self) -> dict[str, KnownRows]:
+        """Return what must outlive the gateway, by starter: what is admitted may be written by now."""
+        written = {name: KnownRows({**self.rows(name), **rows}) for name, rows in self._admitted.items()}
+        return {**self._known, **written}
+
     def rows(self, name: str) -> Rows:
         """Return the settings as last known, in this run or an earlier one."""
         return self._known.get(name, KnownRows()).rows
@@ -77,7 +86,9 @@ class KnownWatchdogs:
 
     def limit_s(self, setup: StarterSetup) -> float | None:
         """Return the time of the watchdog that must not act in a starter; None when none is known."""
-        return _limit_s(setup, self.rows(setup.name))
+        rows, admitted = self.rows(setup.name), self._admitted.get(setup.name, {})
+        limits_s = _limit_s(setup, rows), _limit_s(setup, {**rows, **admitted})
+        return min((limit_s for limit_s in limits_s if limit_s), default=None)
 
     def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
         """Return the polls with which a starter begins, with the deadline that they must meet."""
@@ -89,34 +100,39 @@ class KnownWatchdogs:
         setup, _ = self._starters.get(name, _UNKNOWN)
         found = {} if setup is None else _watchdog_rows(setup.profile, rows)
         if found:
+            admitted = self._admitted.get(name, {})
+            for code in [code for code, words in admitted.items() if found.get(code) == words]:
+                del self._admitted[name][code]
             self._take(name, {**self.rows(name), **found})
 
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.
 
-        CommandError, with both times, when it cannot.
+        CommandError, with both times, when it cannot; `end` must follow in any case.
         """
         setup, _ = self._starters.get(name, _UNKNOWN)
         if setup is None:
             return
-        before = self.rows(name)
         requests, before_s = (step.request for step in procedure.steps), self._limits_s(setup)
         written = _watchdog_rows(setup.profile, diagnosis.written_rows(setup.profile, requests))
-        limit_s, earlier_s = _limit_s(setup, {**before, **written}), before_s.get(setup.address)
+        limit_s, earlier_s = _limit_s(setup, {**self.rows(name), **written}), before_s.get(setup.address)
         if not limit_s or (earlier_s and limit_s >= earlier_s):
             return  # the line keeps a longer one, too, until that is read
-        self._take(name, {**before, **written})  # before it is judged: another `set` on this line must see it
-        on_line = self._on_line(setup)
-        after_s = self._limits_s(setup)
-        judge, is_admitted = partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s), False
-        try:
-            error = await self._in_thread(judge)
-            is_admitted = error is None
-        finally:  # the command may be halted meanwhile
-            if not is_admitted:
-                self._take(name, before)
+        self._admitted[name] = dict(written)  # before it is judged: another `set` on this line must see it
+        self._keep(name)
+        on_line, after_s = self._on_line(setup), self._limits_s(setup)
+        error = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
         if error is not None:
+            self.end(name, is_written=False)
             raise error
+
+    def end(self, name: str, *, is_written: bool) -> None:
+        """Record that a command is over; what it may have written counts until it is read."""
+        admitted = self._admitted.pop(name, None)
+        if admitted is not None:
+            if is_written:
+                self._known[name] = KnownRows({**self.rows(name), **admitted})
+            self._keep(name)
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
@@ -133,9 +149,12 @@ class KnownWatchdogs:
 
     def _take(self, name: str, rows: Rows) -> None:
         """Let these be a starter's rows, for its line and for the next run."""
-        if name in self._known and rows == self._known[name].rows:
-            return
-        self._known[name] = KnownRows(dict(rows))
+        if name not in self._known or rows != self._known[name].rows:
+            self._known[name] = KnownRows(dict(rows))
+            self._keep(name)
+
+    def _keep(self, name: str) -> None:
+        """Have what is known now kept by the starter's line and on the disk."""
         self._document.touch()
         setup, line = self._starters.get(name, _UNKNOWN)
         if setup is not None and line is not None and setup.is_enabled:

@@ -304,10 +304,11 @@ class StarterTelemetry:
         if not self.availability.is_online:
             self._come_online()
         standing, read = self._contact.standing, Moment(at_s, self._clock.utc_s(at_s))
-        if not standing.is_readable or at_s < self.snapshot.state.newest_s:
-            self._look()  # a poll that was answered after a command's reading says more
+        if not standing.is_readable:
+            self._look(read=read)
             return
-        points, doubts = said.points, NO_POINTS
+        state, doubts = self.snapshot.state, NO_POINTS
+        points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
         if said.missing:
             doubts = bad(self.snapshot.readings, said.missing, standing.contradiction)
         if standing.contradiction:

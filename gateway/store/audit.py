@@ -12,6 +12,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import Future
 from functools import partial
+from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -47,6 +48,7 @@ class Audit:
     def __init__(self, store: Store, *, boot: str) -> None:
         self._store = store
         self._boot = boot
+        self._numbers = count()  # of entries, which all wait
         self._lost = 0
 
     def put(self, record: Record) -> None:
@@ -60,7 +62,8 @@ class Audit:
         self._take(note_of(code, text, self._boot))
 
     def _take(self, entry: Mapping[str, Any]) -> None:
-        done = self._store.submit(partial(append, entry=entry), is_lasting=True, within_s=BEHIND_S)
+        key = ("audit", str(next(self._numbers)))
+        done = self._store.submit(partial(append, entry=entry), key=key, within_s=BEHIND_S)
         done.add_done_callback(on_this_loop(self._note_end))
 
     def _note_end(self, future: Future[None]) -> None:

@@ -16,28 +16,26 @@ import re
 import shutil
 import tarfile
 import zlib
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager, suppress
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from pathlib import Path
 from typing import NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
 from gateway.errors import DamagedError, NewerError, StoreError
-from gateway.store.database import copy_file, refuse_later, stored_version, translated, write_file
+from gateway.store.database import copy_file, stored_version, translated, write_file
 from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2, is_import_due
 from gateway.store.schema import SCHEMAS
+from gateway.system.instance_lock import FILE
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
 
-LOCK_FILE = "gateway.lock"
-
 # Also SQLite's journals, the reserve, and new and damaged files.
-OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, LOCK_FILE)))})([.-].*)?")
+OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, FILE)))})([.-].*)?")
 
 FORMAT = 1
 MANIFEST = "manifest.json"
 PACKING = 1  # gzip's fastest: an upgrade makes a backup while the starters wait
-CHUNK_BYTES = 2**20
 
 
 class Manifest(BaseModel):
@@ -81,7 +79,7 @@ class Archive(NamedTuple):
         """Write the content of a file to a new one, for its owner alone; it is on the disk then. OSError."""
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with open(path, "wb", opener=_fresh) as file:
-            shutil.copyfileobj(_opened(self.tar, self.tar.getmember(name)), file, CHUNK_BYTES)
+            shutil.copyfileobj(_opened(self.tar, self.tar.getmember(name)), file)
             file.flush()
             os.fsync(file.fileno())
 
@@ -98,10 +96,10 @@ def copy_state(state_dir: Path, to: Path) -> dict[str, int]:
     """
     os.listdir(state_dir)  # where this is not permitted, nothing in it seems to exist
     versions: dict[str, int] = {}
-    for name in SCHEMAS:
+    for name, schema in SCHEMAS.items():
         if (state_dir / name).exists():
             try:
-                versions[name] = copy_file(state_dir / name, to / name)
+                versions[name] = copy_file(state_dir / name, schema, to / name)
             except DamagedError as error:
                 raise DamagedError(f"{error} (start the gateway once, which sets it aside)") from error
     old = files_of_0_2(state_dir) if is_import_due(state_dir) else ()
@@ -170,10 +168,11 @@ def _verified(tar: tarfile.TarFile, infos: Sequence[tarfile.TarInfo], path: Path
     text = _opened(tar, infos[0]).read()
     try:
         said = json.loads(text)
-        if said["format"] > FORMAT:
+        later = {name for name, schema in SCHEMAS.items() if said["state"].get(name, 0) > len(schema.steps)}
+        if later or said["format"] > FORMAT:
             raise NewerError(f"{path} was made by a later version, {said['version']} (use that one)")
         manifest = Manifest.model_validate_json(text)
-    except (ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError, TypeError, AttributeError) as error:
         raise DamagedError(f"{path}: its {MANIFEST} is damaged") from error
     if list(manifest.files) != [info.name for info in infos[1:]]:
         raise DamagedError(f"{path}: its files are not those of its manifest")
@@ -214,25 +213,19 @@ def own_files(state_dir: Path) -> Iterator[Path]:
 
 
 def found_versions(state_dir: Path) -> dict[str, int]:
-    """Return the version of each file that is there and can be read, by name."""
+    """Return the version of each file that is there and can be read, by name; NewerError for a later one."""
     versions: dict[str, int] = {}
-    for name in SCHEMAS:
-        with suppress(StoreError):
-            versions[name] = stored_version(state_dir / name)
+    for name, schema in SCHEMAS.items():
+        try:
+            versions[name] = stored_version(state_dir / name, schema)
+        except NewerError:
+            raise
+        except StoreError:
+            continue
     return versions
 
 
-def refuse_newer(state_dir: Path, versions: Mapping[str, int] | None = None) -> None:
-    """Raise NewerError for a file that a later version of this program has written.
-
-    Without `versions`, of those that are there.
-    """
-    for name, version in (found_versions(state_dir) if versions is None else versions).items():
-        if name in SCHEMAS:
-            refuse_later(version, state_dir / name, SCHEMAS[name])
-
-
 def is_upgrade_due(state_dir: Path) -> bool:
-    """Return whether a file is of an earlier version, or all are."""
+    """Return whether a file is of an earlier version, or all are; NewerError for a later one."""
     found = found_versions(state_dir).items()
     return is_import_due(state_dir) or any(version < len(SCHEMAS[name].steps) for name, version in found)

@@ -21,7 +21,15 @@ from concurrent.futures import Future
 from functools import partial
 from typing import Any, NamedTuple
 
-from gateway.contract import STOP, CommandError, Phase, ResultCode, ResultRecord
+from gateway.contract import (
+    STOP,
+    CommandError,
+    EventCode,
+    Phase,
+    PublishEvent,
+    ResultCode,
+    ResultRecord,
+)
 from gateway.errors import DamagedError, StoreError
 from gateway.store.database import Connection, Work
 from gateway.store.worker import BEHIND_S, Store
@@ -29,7 +37,6 @@ from gateway.system.supervised import on_this_loop
 
 INTEND_WITHIN_S = 1.0  # a start must not go out late because of a slow disk
 PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
-MOST_VALUES = 4096  # characters; a result with more is remembered without its values
 
 # Begins the id under which a stop without one is stored, before its starter's name. It cannot be printed, so
 # no client's id begins so.
@@ -45,7 +52,7 @@ _PUT = """
 """
 _FORGET = "DELETE FROM commands WHERE client = ? AND id = ?"
 _ROWS = "SELECT client, id, may_be_written, result FROM commands ORDER BY rowid"
-_STORED = ("starter", "verb", "phase", "code", "text", "time_s")  # of a result, besides its values
+_STORED = ("starter", "verb", "phase", "code", "text", "time_s", "values")  # of a result
 
 
 class Remembered(NamedTuple):
@@ -58,11 +65,11 @@ class Remembered(NamedTuple):
 class Journal:
     """Stores commands; only `intend` and `settle` wait for the disk. All calls on the app's loop."""
 
-    def __init__(self, store: Store, *, on_slow: Callable[[float], None]) -> None:
+    def __init__(self, store: Store, *, publish_event: PublishEvent) -> None:
         self.row_of: Callable[[ResultRecord], Work | None] = lambda _: None  # what is stored with a final
         self._store = store
         self._untold: dict[Key, Future[Any]] = {}  # phases before the final one that are being stored
-        self._on_slow = on_slow  # called when the disk delays a command
+        self._publish_event = publish_event
         self._is_recalled = False
 
     @property
@@ -116,13 +123,12 @@ class Journal:
         self, key: Key, result: ResultRecord, *, is_urgent: bool, is_published: bool = False
     ) -> Future[Any]:
         """Store a phase; a final one with the outbox's row, which one that is published has already."""
-        if not result.phase.is_final:
-            work: Work = partial(_put, row=_row(key, result))
-        elif result.id:
-            also = None if is_published else self.row_of(result)
+        is_final = result.phase.is_final
+        if is_final and not result.id:  # it cannot be repeated; a crash must not find it under way
+            work: Work = partial(_forget, key=key)
+        else:
+            also = self.row_of(result) if is_final and not is_published else None
             work = partial(_put, row=_row(key, result), also=also)
-        else:  # it cannot be repeated; a crash must not find it under way
-            work = partial(_forget, key=key)
         within_s = 0.0 if is_urgent else BEHIND_S
         return self._store.submit(work, key=("commands", *key), is_urgent=is_urgent, within_s=within_s)
 
@@ -136,9 +142,8 @@ class Journal:
                 work = partial(_put, row=_row(key, result, is_intent=True))
                 await asyncio.wrap_future(self._store.submit(work, is_urgent=True))
         except TimeoutError:
-            slow = CommandError(ResultCode.NOT_STORED, "slow", within_s=INTEND_WITHIN_S)
-            self._on_slow(INTEND_WITHIN_S)
-            raise slow from None
+            self._publish_event(EventCode.STORE_SLOW, seconds=INTEND_WITHIN_S)
+            raise CommandError(ResultCode.NOT_STORED, "slow", within_s=INTEND_WITHIN_S) from None
         except StoreError as error:
             raise CommandError(ResultCode.NOT_STORED, "failed", error=error) from error
 
@@ -155,7 +160,7 @@ class Journal:
 
     def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Have the commands of earlier runs read, once, before any of this run is written."""
-        done = self._store.submit(_read, is_lasting=True, is_urgent=True)
+        done = self._store.submit(_read, key=("commands",), is_urgent=True)
         done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
 
     def _recall(
@@ -189,10 +194,8 @@ def _key(result: ResultRecord) -> Key | None:
 
 
 def _row(key: Key, result: ResultRecord, *, is_intent: bool = False) -> _Row:
-    said = {name: getattr(result, name) for name in _STORED}
-    values = json.dumps(result.values, default=str)
-    said["values"] = json.loads(values) if len(values) <= MOST_VALUES else {}
-    return (*key, result.starter, is_intent or result.verb == STOP, json.dumps(said))
+    said = json.dumps({name: getattr(result, name) for name in _STORED}, default=str)
+    return (*key, result.starter, is_intent or result.verb == STOP, said)
 
 
 def remembered(client: str, id_: str, may_be_written: int, body: str) -> Remembered:

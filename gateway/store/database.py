@@ -30,6 +30,7 @@ LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
 WRITTEN_BYTES = 2**30  # bound of a file that is written once
 SHRUNK_PAGES = 400  # given back to a full disk at a time: they pass through the write-ahead log
 
+_FULL = (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)  # the file, or the log's index, cannot grow
 _DAMAGE = (sqlite3.SQLITE_CORRUPT, sqlite3.SQLITE_NOTADB)
 _OWN_SQL = (None, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CONSTRAINT)  # the mistake is in a statement
 _UNFIT = (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_READONLY)  # other tables; a header that forbids to write
@@ -207,17 +208,18 @@ class Database:
             raise DamagedError(f"{self.path} has other tables")
 
 
-def copy_file(path: Path, copy: Path) -> int:
+def copy_file(path: Path, schema: Schema, copy: Path) -> int:
     """Copy a database as it is at one moment, while a gateway writes to it or not; return its version."""
     with _reader(path) as source:
+        version = _known_version(source, path, schema)
         source.execute("VACUUM INTO ?", (str(copy),))
-        return int(_ask(source, "PRAGMA user_version"))
+        return version
 
 
-def stored_version(path: Path) -> int:
-    """Return the version of a database, which may be a later one; StoreError when it cannot be read."""
+def stored_version(path: Path, schema: Schema) -> int:
+    """Return the version of a database; NewerError for a later one, StoreError when it cannot be read."""
     with _reader(path) as connection:
-        return int(_ask(connection, "PRAGMA user_version"))
+        return _known_version(connection, path, schema)
 
 
 def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
@@ -264,19 +266,14 @@ def _text(octets: bytes) -> str:
 
 
 def _known_version(connection: Connection, path: Path, schema: Schema) -> int:
-    """Return a file's version; NewerError for a later one."""
+    """Return a file's version; NewerError for one that a later version of this program has written."""
     version = int(_ask(connection, "PRAGMA user_version"))
-    refuse_later(version, path, schema)
-    return version
-
-
-def refuse_later(version: int, path: Path, schema: Schema) -> None:
-    """Raise NewerError for a file that a later version of this program has written."""
     if version > len(schema.steps):
         raise NewerError(
             f"{path} has format {version}, and this program knows formats up to {len(schema.steps)} "
             "(install the version that wrote it, or restore an earlier backup: docs/upgrade.md)"
         )
+    return version
 
 
 @contextmanager
@@ -296,7 +293,8 @@ def translated(path: Path, *, are_bugs: bool = True) -> Iterator[None]:
         code = _code(error)
         if are_bugs and code in _OWN_SQL:
             raise
-        kind = DamagedError if code in _DAMAGE else FullError if _is_full(error) else StoreError
+        is_full = getattr(error, "sqlite_errorcode", None) in _FULL
+        kind = DamagedError if code in _DAMAGE else FullError if is_full else StoreError
         raise kind(f"{path}: {error}") from error
 
 
@@ -304,11 +302,6 @@ def _code(error: BaseException) -> int | None:
     """Return the primary result code of an SQLite error (sqlite.org/rescode.html)."""
     code = getattr(error, "sqlite_errorcode", None)
     return None if code is None else code & 0xFF
-
-
-def _is_full(error: sqlite3.Error) -> bool:
-    """Return whether the file or the log's index, which has an error of its own, could not grow."""
-    return getattr(error, "sqlite_errorcode", None) in (sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR_SHMSIZE)
 
 
 def _ask(connection: Connection, sql: str) -> Any:

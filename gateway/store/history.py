@@ -31,7 +31,6 @@ MOST_UNSAVED = 1000  # rows in memory while the disk is away; the oldest are los
 CURVES = ("baseline_curve", "curve")  # kinds of samples, by the id of their start
 
 _OF_STARTER = "SELECT kind, id, data FROM history WHERE starter = ?"
-_IS_THERE = "SELECT 1 FROM history WHERE starter = ? AND kind = ? AND id = ?"
 _PUT = """
     INSERT INTO history (starter, kind, id, time_s, data) VALUES (?, ?, ?, ?, ?)
     ON CONFLICT (starter, kind, id) DO UPDATE SET time_s = excluded.time_s, data = excluded.data
@@ -58,14 +57,11 @@ class HistoryRow(NamedTuple):
 
 
 class HistoryStore:
-    """All calls on the app's loop; only `rows`, `lacking` and `close` wait for the disk."""
+    """All calls on the app's loop; only `rows` and `close` wait for the disk."""
 
-    def __init__(
-        self,
-        path: Path,
-    ) -> None:
+    def __init__(self, path: Path) -> None:
         prepare = partial(import_late, path.parent)
-        self._store = Store(path, HISTORY, most_lasting=MOST_UNSAVED, prepare=prepare)
+        self._store = Store(path, HISTORY, most_waiting=MOST_UNSAVED, prepare=prepare)
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None
 
     def start(self, on_news: OnNews, on_stored: Callable[[HistoryRow], None]) -> None:
@@ -82,19 +78,11 @@ class HistoryStore:
     def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
         """Store a row once more, as the only one of another kind."""
         work = partial(_copy, starter=starter, kind=kind, id_=id_, to_kind=to_kind)
-        self._store.submit(work, is_lasting=True, within_s=BEHIND_S)
+        self._store.submit(work, key=("copy", starter, id_, to_kind), within_s=BEHIND_S)
 
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         """Return what is stored of a starter, with what was put before this; the oldest first; StoreError."""
         work = partial(_rows, starter=starter, kinds=kinds)
-        return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
-
-    async def lacking(self, starter: str, kind: str, ids: Sequence[str]) -> list[str]:
-        """Return which of these ids, the oldest first, came after the newest that is stored; StoreError.
-
-        Those before it were stored once, but perhaps not for as long as now.
-        """
-        work = partial(_lacking, starter=starter, kind=kind, ids=ids)
         return await asyncio.wrap_future(self._store.submit(work, is_flushed=False))
 
     async def close(self, *, within_s: float) -> bool:
@@ -143,10 +131,3 @@ def _rows(connection: Connection, *, starter: str, kinds: Sequence[str]) -> list
         with suppress(zlib.error, ValueError):
             rows.append(HistoryRow(starter, kind, id_, json.loads(zlib.decompress(packed))))
     return rows
-
-
-def _lacking(connection: Connection, *, starter: str, kind: str, ids: Sequence[str]) -> list[str]:
-    for place in range(len(ids), 0, -1):
-        if connection.execute(_IS_THERE, (starter, kind, ids[place - 1])).fetchone():
-            return list(ids[place:])
-    return list(ids)

@@ -44,7 +44,7 @@ from gateway.store.database import (
     write_file,
 )
 from gateway.store.outbox import Loss, OutboxRow, OutboxTable, Rank, merged
-from gateway.store.schema import HISTORY, HISTORY_FILE, STATE, STATE_FILE
+from gateway.store.schema import HISTORY, SCHEMAS, STATE, STATE_FILE
 from gateway.system.whole_files import NEW, put_in_place, sync_file
 
 log = logging.getLogger(__name__)
@@ -64,7 +64,6 @@ DOCUMENTS = {
 COMMANDS, OUTBOX, HISTORY_0_2 = DATABASES = ("gateway.sqlite", "outbox.sqlite", "history.db")
 ANCHOR, SEGMENTS = "audit/anchor.json", "audit/audit-????????.jsonl"
 NAMES = (*DATABASES, *(f"{name}-wal" for name in DATABASES), *DOCUMENTS, ANCHOR, SEGMENTS)
-OURS = {HISTORY_FILE: HISTORY, STATE_FILE: STATE}  # the state is the last: with it all is done
 SQLITE_0_2 = Schema("0.2.0", steps=(lambda _: None,))
 
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0
@@ -113,9 +112,9 @@ def import_files(state_dir: Path) -> list[str]:
     with _IMPORTING:
         if is_import_due(state_dir):
             _demand_room(state_dir)
-            for name, schema in OURS.items():
+            for name, schema in SCHEMAS.items():
                 _build(state_dir / f"{name}{NEW}", schema, state_dir, problems)
-            for name in OURS:
+            for name in SCHEMAS:
                 _put_in_place(state_dir / name)
     return problems
 

@@ -48,4 +48,4 @@ def _step(*statements: str) -> Work:
 
 STATE = Schema("state", steps=(_step(*_STATE),))
 HISTORY = Schema("history", steps=(_step(_HISTORY),))
-SCHEMAS = {STATE_FILE: STATE, HISTORY_FILE: HISTORY}
+SCHEMAS = {HISTORY_FILE: HISTORY, STATE_FILE: STATE}  # an import is done once the last is there

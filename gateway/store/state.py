@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 
-from gateway.contract import EventCode, PublishEvent, Severity
+from gateway.contract import EventCode, PublishEvent
 from gateway.store.audit import Audit
 from gateway.store.commands import Journal, Remembered
 from gateway.store.documents import Documents
@@ -27,39 +27,22 @@ SETTLE_WITHIN_S = 2.0
 
 
 class StateStore:
-    """All calls on the app's loop; `path` None: in memory.
+    """All calls on the app's loop; `path` None: in memory."""
 
-    Without operators it is no error, only a warning, when nothing can be stored.
-    """
-
-    def __init__(
-        self,
-        path: Path | None,
-        *,
-        boot: str,
-        has_operators: bool,
-        publish_event: PublishEvent,
-    ) -> None:
+    def __init__(self, path: Path | None, *, boot: str, publish_event: PublishEvent) -> None:
         self._publish_event = publish_event
-        self._has_operators = has_operators
         prepare = partial(import_late, None if path is None else path.parent)
         self.store = Store(path, STATE, prepare=prepare)
         self.documents = Documents(self.store, path, publish_event=publish_event)
-        self.commands = Journal(self.store, on_slow=self._note_slow)
+        self.commands = Journal(self.store, publish_event=publish_event)
         self.audit = Audit(self.store, boot=boot)
         self.on_news: OnNews = lambda *_: None  # gets the store's news after the parts of this
-        self._is_away = False
 
     def start(self, version: str, *, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Begin; the file is opened in its thread. `on_recalled` gets the commands of earlier runs."""
         self.commands.recall(on_recalled)
         self.store.start(on_this_loop(self._on_news))
         self.audit.note("gateway_started", f"version {version}")
-
-    def apply(self, *, has_operators: bool) -> None:
-        """Apply another configuration, and record in the audit from when."""
-        self._has_operators = has_operators
-        self.audit.note("gateway_reloaded", "by another configuration from now on")
 
     async def settle(self) -> None:
         """Write the last results and documents, if the disk works, so that they can be published."""
@@ -72,24 +55,16 @@ class StateStore:
         if not is_done or self.store.unsaved:
             log.error("the last %d commands, documents and audit entries are not stored", self.store.unsaved)
 
-    def _note_slow(self, seconds: float) -> None:
-        self._publish_event(EventCode.STORE_SLOW, severity=self._severity(), seconds=seconds)
-
     def _on_news(self, news: News, text: str) -> None:
         match news:
             case News.OPEN:
                 log.info("store %s", text)
-                if self._is_away:
-                    self._publish_event(EventCode.STORE_AVAILABLE)
-                self._is_away = False
+            case News.BACK:
+                self._publish_event(EventCode.STORE_AVAILABLE)
             case News.AWAY:
-                self._publish_event(EventCode.STORE_UNAVAILABLE, severity=self._severity(), trouble=text)
-                self._is_away = True
+                self._publish_event(EventCode.STORE_UNAVAILABLE, trouble=text)
             case News.LOST:
-                self._publish_event(EventCode.STORE_LOST, severity=self._severity(), trouble=text)
+                self._publish_event(EventCode.STORE_LOST, trouble=text)
                 self.audit.note("chain_begun_anew", text)
                 self.documents.save_all()
         self.on_news(news, text)
-
-    def _severity(self) -> Severity:
-        return Severity.ERROR if self._has_operators else Severity.WARNING

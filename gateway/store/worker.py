@@ -1,10 +1,10 @@
 """The thread that writes a database: intents and finals first, everything else in batches.
 
 1. The caller never waits for the disk. A piece's future completes when its transaction is on the disk.
-2. Urgent pieces are done first, and take some lasting ones along. All others follow in batches; a batch ends
-   after 500 pieces, after 50 ms, or when an urgent one comes.
-3. A lasting piece waits until it is done: a failure of the disk does not end it. Such is one with a key, and
-   newer work of its key gets its place and its future. All others fail when the disk does.
+2. Urgent pieces are done first, by themselves. The others follow in batches; a batch ends after 500 pieces,
+   after 50 ms, or when an urgent one comes.
+3. A piece with a key is lasting: it waits until it is done, whatever the disk does, and newer work of its key
+   gets its place and its future. All others fail when the disk does.
 4. A bad file never stops the gateway: it is tried again, a damaged one is set aside. On a full disk only what
    deletes is done, by means of a reserve.
 
@@ -23,7 +23,6 @@ import time
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from functools import partial
-from itertools import chain, islice
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -38,9 +37,8 @@ Key = tuple[str, ...]  # names what the work is about
 T = TypeVar("T")
 
 MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
-MOST_LASTING = 10_000  # pieces, besides the urgent ones
+MOST_WAITING = 10_000  # pieces
 MOST_AT_ONCE = 500  # pieces in one transaction
-MOST_ALONG = 100  # lasting pieces that urgent ones take along: a transaction of their own costs 8 KiB
 RETRY_S = 5.0  # between attempts on a file that cannot be written
 HANG_S = 2.0  # a disk that is at one transaction for so long counts as away
 BEHIND_S = 0.5  # how long what is written behind waits for another transaction
@@ -50,7 +48,8 @@ BATCH_S = 0.05  # of one transaction, while there is more to do
 class News(enum.StrEnum):
     """A change of a store's state."""
 
-    OPEN = "store_open"  # for the first time, or again after AWAY
+    OPEN = "store_open"  # for the first time
+    BACK = "store_back"  # open again, after AWAY
     AWAY = "store_away"  # nothing can be stored
     LOST = "store_lost"  # the file was set aside; a new one is in use
 
@@ -63,6 +62,7 @@ class Piece(NamedTuple):
 
     place: object  # its key; without one, an object of its own
     is_lasting: bool
+    is_urgent: bool
     work: Work
     is_flushed: bool
     is_freeing: bool
@@ -84,14 +84,15 @@ class Store:
         path: Path | None,
         schema: Schema,
         *,
-        most_lasting: int = MOST_LASTING,
+        most_waiting: int = MOST_WAITING,
         prepare: Callable[[], object] = lambda: None,
     ) -> None:
         self._prepare = prepare
         self._file = Database(path, schema, max_bytes=MAX_BYTES)
         self._on_news: OnNews = lambda *_: None
-        self._urgent, self._others = dict[object, Piece](), dict[object, Piece]()  # until they are done
-        self._most_lasting = most_lasting
+        self._waiting: dict[object, Piece] = {}  # until they are done
+        self._most_waiting = most_waiting
+        self._urged = 0  # how often something urgent has come
         self._lock = threading.Lock()  # of what waits
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
@@ -121,7 +122,7 @@ class Store:
     @property
     def unsaved(self) -> int:
         """Return how many lasting pieces wait for the disk."""
-        return sum(piece.is_lasting for piece in chain(self._urgent.values(), self._others.values()))
+        return sum(piece.is_lasting for piece in self._waiting.values())
 
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""
@@ -134,7 +135,6 @@ class Store:
         work: Callable[[Connection], T],
         *,
         key: Key | None = None,
-        is_lasting: bool = False,
         is_urgent: bool = False,
         is_flushed: bool = True,
         is_freeing: bool = False,
@@ -151,18 +151,16 @@ class Store:
         if self._is_closed:
             return _ended(Future(), "the store is closed")
         with self._lock:
-            older = self._urgent.get(place) or self._others.get(place)
+            older = self._waiting.get(place)
             future: Future[T] = Future() if older is None else older.future
-            piece = Piece(place, is_lasting or key is not None, work, is_flushed, is_freeing, future)
-            if is_urgent or place in self._urgent:
-                self._others.pop(place, None)
-                self._urgent[place] = piece
-            else:
-                self._others[place] = piece
-                if piece.is_lasting and len(self._others) > self._most_lasting:
-                    idle = (other for other in self._others.values() if not other.future.running())
-                    if (oldest := next(idle, None)) is not None:
-                        del self._others[oldest.place]
+            is_urgent |= older is not None and older.is_urgent
+            self._urged += is_urgent
+            piece = Piece(place, key is not None, is_urgent, work, is_flushed, is_freeing, future)
+            self._waiting[place] = piece
+            if piece.is_lasting and len(self._waiting) > self._most_waiting:
+                idle = (p for p in self._waiting.values() if not (p.is_urgent or p.future.running()))
+                if (oldest := next(idle, None)) is not None:
+                    del self._waiting[oldest.place]
         self._wake.put(time.monotonic() + within_s)
         if oldest is not None and oldest.begin():
             _ended(oldest.future, "too much is waiting for the disk")
@@ -221,21 +219,14 @@ class Store:
         They wait until they are done, or have failed.
         """
         with self._lock:
-            urgent = self._ready(self._urgent, MOST_AT_ONCE)
-            rest = self._ready(self._others, MOST_ALONG if urgent else MOST_AT_ONCE, are_lasting=bool(urgent))
-            found = urgent + rest
+            pieces = self._waiting.values()
+            ready = [piece for piece in pieces if self._error is None or not piece.is_lasting]
+            found = ([piece for piece in ready if piece.is_urgent] or ready)[:MOST_AT_ONCE]
             batch = [piece for piece in found if piece.begin()]
             for piece in found:
                 if not piece.future.running():  # its caller has given it up
                     self._remove(piece)
         return batch if found else None
-
-    def _ready(self, pieces: dict[object, Piece], most: int, *, are_lasting: bool = False) -> list[Piece]:
-        if self._error is not None:
-            ready = (piece for piece in pieces.values() if not piece.is_lasting)
-        else:
-            ready = (piece for piece in pieces.values() if piece.is_lasting or not are_lasting)
-        return list(islice(ready, most))
 
     def _do(self, batch: Sequence[Piece]) -> None:
         """Do what there is time for in one transaction; a piece with a bug is left out of the next one."""
@@ -281,16 +272,17 @@ class Store:
             self._prepare()
             self._file.open()
         self._file.take_reserve()
+        news = News.BACK if self.is_away else News.OPEN
         self._error = None
-        self._on_news(News.OPEN, f"{self._file.path} is open")
+        self._on_news(news, f"{self._file.path} is open")
 
     def _in_time(self, batch: Sequence[Piece], begun: list[Piece]) -> Iterator[Work]:
         """Yield the pieces' work until it has taken too long, or something urgent has come meanwhile."""
         until_s = time.monotonic() + BATCH_S
-        urgent = len(self._urgent)
+        urged = self._urged
         begun.clear()
         for piece in batch:
-            if begun and (time.monotonic() > until_s or len(self._urgent) > urgent):
+            if begun and (time.monotonic() > until_s or self._urged > urged):
                 return
             begun.append(piece)
             yield piece.work
@@ -306,11 +298,10 @@ class Store:
 
     def _remove(self, piece: Piece) -> bool:
         """Let a piece wait no longer; return whether it did."""
-        for pieces in (self._urgent, self._others):
-            if pieces.get(piece.place) is piece:
-                del pieces[piece.place]
-                return True
-        return False
+        is_waiting = self._waiting.get(piece.place) is piece
+        if is_waiting:
+            del self._waiting[piece.place]
+        return is_waiting
 
     def _fail(self, pieces: Iterable[Piece], error: StoreError) -> None:
         """Note that nothing can be stored now: those that are not lasting have failed."""

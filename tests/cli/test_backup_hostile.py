@@ -78,4 +78,4 @@ def test_a_backup_of_a_later_version_is_refused_with_78(
         assert main(["restore", str(bad), "--to", str(tmp_path / "new")]) == 78
 
     assert not (tmp_path / "new").exists()
-    assert "history.sqlite has format 2" in capsys.readouterr().err
+    assert "was made by a later version" in capsys.readouterr().err

@@ -12,7 +12,6 @@ from gateway.starters.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownRows
 from gateway.store import STATE_FILE, write_document
 from tests.config.sites import SITE, changed
 from tests.rig import run_cli
-from tests.rig.sites import line, starter
 
 
 @pytest.fixture
@@ -55,21 +54,6 @@ def test_what_this_machine_has_otherwise_is_warned_of(
     ran = run_cli("check", str(folder / "site.toml"))
 
     assert (ran.code, said in ran.out) == (0, True)
-
-
-def test_one_adapter_under_two_names_is_a_mistake(folder: Path) -> None:
-    here, there = os.openpty()
-    device, link = os.ttyname(there), folder / "usb-FTDI"
-    link.symlink_to(device)
-    other = line("fans", port=device) + starter("fan", 1, "ssw07")
-    (folder / "site.toml").write_text(changed(("/dev/rs485-pumps", str(link))) + other, "utf-8")
-
-    ran = run_cli("check", str(folder / "site.toml"))
-    os.close(here)
-    os.close(there)
-
-    said = f"line[1].port: '{device}' is also line[0].port (put all starters of a port under"
-    assert (ran.code, said in ran.err) == (78, True)
 
 
 def test_where_this_user_may_not_look_nothing_is_accepted(

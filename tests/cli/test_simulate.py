@@ -72,12 +72,12 @@ def test_firmware_and_parameters_are_the_configurations() -> None:
             "parameters = { P314 = 70000 }",
             "simulated.parameters.P314: is 70000 (must be at most 65535",
         ),
-        ("ssw07", "markers = { DI1 = true }", "simulated.markers: is for ssw900 (leave it out)"),
+        ("ssw07", "markers = { DI1 = true }", "simulated.markers: ssw07 has no such option (leave it out)"),
         ("ssw900", "markers = { P1 = true }", "simulated.markers.P1: ssw900 has no such marker (write COIL"),
         ("ssw900", "markers = { DI70000 = true }", "simulated.markers.DI70000: ssw900 has no such marker"),
         ("ssw900", "markers = { DI7 = 1 }", "simulated.markers.DI7: is 1 (must be true or false"),
         ("ssw07", 'firmware = "new"', "simulated.firmware: is 'new' (two numbers with a point"),
-        ("ssw900", "braking_s = 3.0", "simulated.braking_s: is for ssw06 and ssw07 (set C7.4.1"),
+        ("ssw900", "braking_s = 3.0", "simulated.braking_s: ssw900 has no such option (set C7.4.1"),
     ],
 )
 def test_what_a_simulated_starter_cannot_be_is_a_mistake(family: str, more: str, text: str) -> None:

@@ -12,13 +12,7 @@ from gateway.config.schema import Verb
 from gateway.errors import ConfigError
 from gateway.families.command.procedures import verbs
 from gateway.families.profile.load import FAMILIES, load_profile
-from tests.config.sites import SITE, changed, site
-
-
-def problems(text: str) -> list[str]:
-    with pytest.raises(ConfigError) as caught:
-        parse(text, "site.toml")
-    return [str(problem) for problem in caught.value.problems]
+from tests.config.sites import SITE, site
 
 
 def test_a_right_configuration_is_loaded_with_its_defaults() -> None:
@@ -38,13 +32,6 @@ def test_a_right_configuration_is_loaded_with_its_defaults() -> None:
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_familys_verbs_may_be_given_to_an_operator(family: str) -> None:
     assert set(verbs(load_profile(family))) <= set(Verb.__args__)  # type: ignore[attr-defined]  # of the Literal
-
-
-def test_a_password_in_the_url_is_not_repeated() -> None:
-    reported = problems(changed(("mqtts://broker.plant:8883", "mqtts:/bob:secret@")))
-    also = problems(changed(("mqtts://broker.plant:8883", "mqtts://bob:secret@:x")))
-
-    assert "secret" not in reported[0] + also[0]
 
 
 def test_a_file_that_cannot_be_read_is_reported(tmp_path: Path) -> None:

@@ -2,11 +2,8 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.config.convert import policy_of
 from gateway.config.reading import parse
-from gateway.errors import ConfigError
 from gateway.starters import RuleSet
 from tests.config.sites import SITE
 
@@ -15,12 +12,6 @@ OWN = 'family = "ssw07"\n'
 
 def policy(more: str = "", own: str = ""):  # type: ignore[no-untyped-def]  # a Policy
     return policy_of(parse(SITE.replace(OWN, OWN + own) + more, "site.toml"))
-
-
-def problems(more: str = "", own: str = "") -> list[str]:
-    with pytest.raises(ConfigError) as caught:
-        policy(more, own)
-    return [str(problem).partition(": ")[2] for problem in caught.value.problems]
 
 
 def test_shared_rules_hold_for_all_that_fit_and_the_nearest_wins_key_by_key() -> None:
@@ -40,13 +31,3 @@ def test_a_group_has_all_starters_that_fit_in_the_order_of_the_lines() -> None:
     assert policy('[[group]]\nname = "hall"\nstarters = ["pump-2", "pump-*"]\n').groups == {
         "hall": ("pump-1", "pump-2")
     }
-
-
-@pytest.mark.parametrize("head", ["group = [7]", "rules = [7]", "group = 7", "rules = 7"])
-def test_what_is_no_table_is_reported_and_hides_nothing_else(head: str) -> None:
-    with pytest.raises(ConfigError) as caught:
-        parse(f"{head}\n{SITE}".replace("address = 2", "address = 1"), "site.toml")
-
-    keys = {problem.key for problem in caught.value.problems}
-    assert any(key.startswith(head.split()[0]) for key in keys)
-    assert "line[0].starter[1].address" in keys

@@ -48,7 +48,7 @@ def test_what_is_not_known_is_absent_only_where_it_is_optional() -> None:
 WRONG = {
     "a field is missing": (EventCode.BROKER_AWAY, "", {}),
     "a field is too much": (EventCode.BROKER_CONNECTED, "", {"trouble": "x"}),
-    "a severity is missing": (EventCode.STORE_LOST, "", {"trouble": "x"}),
+    "a severity is missing": (EventCode.METRICS_AWAY, "trouble", {"trouble": "x"}),
     "another severity": (EventCode.BROKER_AWAY, "", {"trouble": "x", "severity": Severity.ERROR}),
     "another of several": (EventCode.ALARM, "", {"severity": Severity.INFO}),
 }

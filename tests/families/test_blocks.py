@@ -18,12 +18,10 @@ from gateway.families.reading import (
     LEAST_DELAY_S,
     Block,
     bulk_reads,
-    halves,
     is_set_by_people,
     is_setting,
     plan_blocks,
     readable_codes,
-    split,
 )
 from gateway.modbus.timing import Framing, LineTiming
 from tests.families.notation import rows, shown
@@ -217,17 +215,6 @@ def test_each_row_that_is_asked_for_is_read_once_and_often_enough(data: st.DataO
             assert row.is_sure or family != "ssw900" or count(block) <= 2
 
 
-def test_a_refused_block_is_split_into_its_rows() -> None:
-    (block,) = plan_blocks(polling("ssw900", {"S1.1.4", "S1.6.2"}), UNKNOWN)
-
-    parts = split(block)
-
-    assert shown(block.request) == "h17*9"
-    assert [shown(part.request) for part in parts] == ["h17*1", "h24*2"]
-    assert {part.group for part in parts} == {block.group}
-    assert split(parts[1]) == (parts[1],)
-
-
 @pytest.mark.parametrize("family", FAMILIES)
 def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> None:
     profile = load_profile(family)
@@ -243,36 +230,18 @@ def test_every_readable_row_is_read_once_and_within_the_limits(family: str) -> N
     assert all(not each.request.is_write for each in reads)
 
 
-def test_a_refused_read_is_halved_down_to_its_rows() -> None:
-    profile = load_profile("ssw06")
-    (read,) = bulk_reads(profile, ["P030", "P031", "P032"])
-
-    first, second = halves(profile, read)
-
-    assert (first.codes, second.codes) == (("P030",), ("P031", "P032"))
-    assert halves(profile, first) == ()
+SETTINGS = {  # 2: a parameter that people set; 1: one that also changes by itself; 0: a reading or an output
+    "ssw07": {"P314": 2, "P003": 0, "VB08": 0},
+    "ssw900": {"C3.1": 2, "C8.1.1.5": 2, "C11.3.1": 1, "C6.3.1": 0, "S5.3.1": 0, "S5.2.5": 0},
+    "sst": {"R41": 2, "COIL1": 0},
+}
 
 
-@pytest.mark.parametrize(
-    ("family", "code", "expected"),
-    [
-        ("ssw07", "P314", (True, True)),
-        ("ssw07", "P003", (False, False)),
-        ("ssw07", "VB08", (False, False)),
-        ("ssw900", "C3.1", (True, True)),
-        ("ssw900", "S5.3.1", (False, False)),
-        ("ssw900", "S5.2.5", (False, False)),
-        ("ssw900", "C8.1.1.5", (True, True)),
-        ("ssw900", "C11.3.1", (True, False)),
-        ("ssw900", "C6.3.1", (False, False)),
-        ("sst", "R41", (True, True)),
-        ("sst", "COIL1", (False, False)),
-    ],
-)
-def test_settings_are_distinguished_from_readings_outputs_and_commands(
-    family: str, code: str, expected: tuple[bool, bool]
-) -> None:
+@pytest.mark.parametrize("family", SETTINGS)
+def test_settings_are_distinguished_from_readings_outputs_and_commands(family: str) -> None:
     profile = load_profile(family)
-    row = profile.parameters[code]
+    rows = {code: profile.parameters[code] for code in SETTINGS[family]}
 
-    assert (is_setting(profile, row), is_set_by_people(profile, row)) == expected
+    found = {code: is_setting(profile, row) + is_set_by_people(profile, row) for code, row in rows.items()}
+
+    assert found == SETTINGS[family]

@@ -43,10 +43,8 @@ def points(family: str, rows: dict[str, tuple[int, ...]], **known: Any) -> dict[
             ("ssw900", code, {}, words, expected)
             for code, words, expected in (
                 ("S5.1.1", (0x0063,), 0x63),
-                ("S1.2.4", (0x088A,), 218.6),
                 ("S1.1.4", (0x0017, 0x0000), 2.3),
                 ("S1.1.4", (0x0000, 0x0001), 6553.6),
-                ("S1.5.4", (0x000E,), 0.14),
                 ("S1.5.4", (0x010E,), None),  # of eight bits
                 ("S2.2.1", (10000,), 100.0),
                 ("S2.2.2", (20000,), 20.0),
@@ -91,10 +89,6 @@ def points(family: str, rows: dict[str, tuple[int, ...]], **known: Any) -> dict[
             ("sst", code, {}, (word,), expected)
             for code, word, expected in (
                 ("R13", 0x00FF, -1.0),
-                ("R13", 0x00FE, -2.0),
-                ("R13", 0x001D, 29.0),
-                ("R12", 0x0130, 48.0),
-                ("R17", 0x001A, 26.0),
                 ("R19", 0x0102, 2),
                 ("R33", 0x0006, 0.6),
                 ("R0", 0x014A, 330),

@@ -90,64 +90,59 @@ def test_model_and_firmware_are_printable_characters_only(filling: str) -> None:
     assert (seen.model, seen.firmware) == ("SSW-07 85.0A", "1.60")
 
 
-@pytest.mark.parametrize("text", ["SSW900", "SSW-900 85A", "SSW900-K"])
-def test_an_ssw900_is_known_by_its_text_whatever_else_it_says(text: str) -> None:
-    seen = identity("ssw900", fc43=weg(text, "V1.3"))
-
-    assert (seen.family_seen, seen.model, seen.firmware, seen.slot) == ("ssw900", text, "1.3", None)
-    assert (seen.rated_current_a, seen.serial) == (None, None)
-    assert identity("ssw900", fc43=weg(text), slots=(0, 0)).slot is None
-
-
-@pytest.mark.parametrize(("slots", "slot"), [((2, 0), 1), ((0, 2), 2), ((8, 2), 2), ((2, 2), None)])
-def test_an_ssw900_is_known_by_the_accessory_in_its_slots(slots: tuple[int, int], slot: int | None) -> None:
-    seen = identity(
-        "ssw900", fc43=weg("SS"), slots=slots, firmware=(125,), model=(3, 0, 1, 2, 0x5678, 0x1234)
-    )
-
-    assert (seen.family_seen, seen.slot, seen.firmware) == ("ssw900", slot, "1.25")
-    assert (seen.serial, seen.rating) == (str(0x12345678), load_profile("ssw900").enums["S3.3.1"][3])
-    assert seen.rated_current_a is None  # C9.1.1 = 10 A is not of this size
-    assert identity("ssw900", slots=slots).model == "SSW900"
-    assert identity("ssw900", slots=(7, 2)).accessories == ("Ethernet", "RS-485")
-
-
-@pytest.mark.parametrize(
-    ("size", "current", "rated_a"),
-    [(0, 0, 10), (1, 7, 105), (6, 21, 1400), (1, 8, None), (7, 7, None), (1, 22, None)],
-)
-def test_the_rated_current_of_an_ssw900_is_c9_1_1_where_its_size_has_it(
-    size: int, current: int, rated_a: float | None
-) -> None:
-    seen = identity("ssw900", slots=(2, 0), model=(size, current, 0, 0, 1, 0))
-
-    assert seen.rated_current_a == rated_a
-
-
-@pytest.mark.parametrize(
-    ("answers", "model"),
-    [
-        (sst(330), "SST330i"),
-        (sst(360), "SST360i"),
-        (sst(130), "SST130i"),
-        (sst(130, name=b"SST130i-140-M-ES"), "SST130i-140-M-ES"),
-        (sst(130, name=b"SST130i-140-M-ES", order="little"), "SST130i-140-M-ES"),
-        (sst(330, name=b"SST330i-M".ljust(16, b"\0")), "SST330i-M"),
-        (sst(330, name=bytes(16)), "SST330i"),  # no text
-        (sst(330, name=b"\xff" * 16), "SST330i"),
+SSW900_SLOTS = {"fc43": weg("SS"), "firmware": (125,), "model": (3, 0, 1, 2, 0x5678, 0x1234)}
+RATED_900 = [(0, 0, 10), (1, 7, 105), (6, 21, 1400), (1, 8, None), (7, 7, None), (1, 22, None)]
+SERIALS = [((1, 2, 0, 0), str(0x00010002)), ((0, 0, 0, 5), "5"), ((0, 7, 0, 0), "7"), ((0, 0, 0, 0), None)]
+IDENTITIES = [  # of a family by its answers, and what they make known
+    *[
+        (
+            "ssw900",
+            {"fc43": weg(text, "V1.3")},
+            {"model": text, "firmware": "1.3", "slot": None, "serial": None},
+        )
+        for text in ("SSW900", "SSW-900 85A", "SSW900-K")
     ],
-)
-def test_an_sst_is_known_by_its_number_and_called_by_its_name(answers: dict[str, Any], model: str) -> None:
-    seen = identity("sst", **answers)
+    ("ssw900", {"fc43": weg("SSW900"), "slots": (0, 0)}, {"slot": None, "rated_current_a": None}),
+    *[
+        ("ssw900", {**SSW900_SLOTS, "slots": slots}, {"slot": slot, "firmware": "1.25"})
+        for slots, slot in (((2, 0), 1), ((0, 2), 2), ((8, 2), 2), ((2, 2), None))
+    ],
+    (
+        "ssw900",  # C9.1.1 = 10 A is not of this size
+        {**SSW900_SLOTS, "slots": (2, 0)},
+        {
+            "serial": str(0x12345678),
+            "rating": load_profile("ssw900").enums["S3.3.1"][3],
+            "rated_current_a": None,
+        },
+    ),
+    ("ssw900", {"slots": (7, 2)}, {"model": "SSW900", "accessories": ("Ethernet", "RS-485")}),
+    *[
+        ("ssw900", {"slots": (2, 0), "model": (size, current, 0, 0, 1, 0)}, {"rated_current_a": rated_a})
+        for size, current, rated_a in RATED_900
+    ],
+    *[
+        ("sst", answers, {"model": model, "firmware": "4.21", "hardware": "6.1"})
+        for answers, model in (
+            (sst(330), "SST330i"),
+            (sst(360), "SST360i"),
+            (sst(130), "SST130i"),
+            (sst(130, name=b"SST130i-140-M-ES"), "SST130i-140-M-ES"),
+            (sst(130, name=b"SST130i-140-M-ES", order="little"), "SST130i-140-M-ES"),
+            (sst(330, name=b"SST330i-M".ljust(16, b"\0")), "SST330i-M"),
+            (sst(330, name=bytes(16)), "SST330i"),  # no text
+            (sst(330, name=b"\xff" * 16), "SST330i"),
+        )
+    ],
+    *[("sst", sst(330, *words), {"serial": serial}) for words, serial in SERIALS],  # four only where used
+]
 
-    assert (seen.family_seen, seen.model, seen.firmware, seen.hardware) == ("sst", model, "4.21", "6.1")
 
-
-@pytest.mark.parametrize(
-    ("words", "serial"),
-    [((1, 2, 0, 0), str(0x00010002)), ((0, 0, 0, 5), "5"), ((0, 7, 0, 0), "7"), ((0, 0, 0, 0), None)],
-)
-def test_the_serial_number_of_an_sst_takes_four_registers_only_when_they_are_used(
-    words: tuple[int, ...], serial: str | None
+@pytest.mark.parametrize(("family", "answers", "known"), IDENTITIES)
+def test_a_starter_is_known_by_what_its_manual_says_of_its_answers(
+    family: str, answers: dict[str, Any], known: dict[str, Any]
 ) -> None:
-    assert identity("sst", **sst(330, *words)).serial == serial
+    seen = identity(family, **answers)
+
+    assert seen.family_seen == family
+    assert {name: getattr(seen, name) for name in known} == known

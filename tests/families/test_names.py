@@ -20,24 +20,20 @@ def test_every_point_has_a_printed_name_and_a_meaning(family: str, language: str
     assert not any("not named" in printed_name(profile, name) for name in profile.points)
 
 
-@pytest.mark.parametrize(
-    ("family", "point", "name", "meaning"),
-    [
-        ("ssw07", "fault", "Error", "false: no error; true: with error"),
-        ("ssw07", "p030", "Phase R current", "current of phase R"),
-        ("ssw900", "bypass_closed", "Bypass", "false: Bypass open; true: Bypass closed"),
-        ("sst", "running", "Motor status", "true: motor starting, motor at speed"),
-        (
-            "sst",
-            "remote",
-            "USB is controller, Physical start/stop is controller",
-            "true: neither coil7 nor coil8",
-        ),
-        ("sst", "coil17", "Phase loss", "true: Phase loss"),
-        ("sst", "line_voltage", "Mains voltage", "mean voltage of the supply, phase to phase"),
-    ],
-)
-def test_a_point_is_named_as_the_manual_prints_it(family: str, point: str, name: str, meaning: str) -> None:
+NAMES = """
+ssw07  | fault         | Error                | false: no error; true: with error
+ssw07  | p030          | Phase R current      | current of phase R
+ssw900 | bypass_closed | Bypass               | false: Bypass open; true: Bypass closed
+sst    | running       | Motor status         | true: motor starting, motor at speed
+sst    | remote        | USB is controller, Physical start/stop is controller | true: neither coil7 nor coil8
+sst    | coil17        | Phase loss           | true: Phase loss
+sst    | line_voltage  | Mains voltage        | mean voltage of the supply, phase to phase
+"""
+
+
+@pytest.mark.parametrize("row", NAMES.strip().splitlines())
+def test_a_point_is_named_as_the_manual_prints_it(row: str) -> None:
+    family, point, name, meaning = (cell.strip() for cell in row.split("|"))
     profile = load_profile(family)
 
     assert (printed_name(profile, point), meaning_of(profile, point)) == (name, meaning)

@@ -15,10 +15,9 @@ from gateway.families.profile.schema import Variant
 def test_the_ssw900_has_every_row_member_bit_and_message_of_its_manual() -> None:
     profile = load_profile("ssw900")
 
-    assert len(profile.parameters) == 501
+    assert (len(profile.parameters), len(profile.alarms)) == (501, 77)
     assert sum(len(profile.enums[row.enum]) for row in profile.parameters.values() if row.enum) == 673
     assert sum(len(bits) for bits in profile.bits.values()) == 240
-    assert len(profile.alarms) == 77
 
 
 @pytest.mark.parametrize(
@@ -63,33 +62,47 @@ def test_only_rows_that_are_legible_allowed_and_bounded_are_writable(family: str
             assert refusal.value.code == "not_writable"
 
 
-@pytest.mark.parametrize(
-    ("family", "writable"),
-    [
-        ("ssw07", {"P220", "P229", "P230", "P308", "P312", "P313", "P314", "VB08"}),
-        ("ssw06", {"P220", "P229", "P230", "P308", "P312", "P313", "P314", "VB08", "VB09", "VB10"}),
-        ("sst", {f"R{number}" for number in (4, 5, 6, *range(30, 43))}),
-    ],
-)
-def test_the_writable_rows_are_those_whose_range_is_printed(family: str, writable: set[str]) -> None:
-    rows = load_profile(family).parameters.values()
+WRITABLE = {  # those whose range is printed
+    "ssw07": {"P220", "P229", "P230", "P308", "P312", "P313", "P314", "VB08"},
+    "ssw06": {"P220", "P229", "P230", "P308", "P312", "P313", "P314", "VB08", "VB09", "VB10"},
+    "sst": {f"R{number}" for number in (4, 5, 6, *range(30, 43))},
+}
+COMMANDS = {  # what moves or stops the motor
+    "ssw06": {"VB03", "VB07", *(f"VB03.{bit}" for bit in range(8))},
+    "ssw07": {"VB03", *(f"VB03.{bit}" for bit in range(8))},
+    "ssw900": {"S5.2.5", "S5.2.6"},
+    "sst": {"COIL1", "COIL2", "COIL3", "COIL4"},
+}
+TIMING = {  # s to a reading, to a write, to one for each register, of a restart; the manuals' or ours
+    "ssw06": (0.010, 0.010, 0.010, 10.0, True),
+    "ssw07": (0.020, 0.020, 0.020, 0.0, True),
+    "ssw900": (0.100, 0.100, 0.0, 0.0, False),
+    "sst": (0.100, 0.100, 0.0, 10.0, False),
+}
+FACTORY = {
+    "ssw06": {"P220": 2, "P229": 0, "P230": 0, "P308": 1, "P312": 1, "P313": 0, "P314": 0},  # 2.1-2.7
+    "ssw07": {"P220": 3, "P229": 0, "P230": 1, "P308": 1, "P312": 1, "P313": 1, "P314": 0},
+    "ssw900": {"C8.2.1": 2, "C8.2.4": 1, "C8.2.5.2": 3, "C8.1.1.3": 26, "C8.1.2.3": 11, "C8.1.2.25": 0},
+    "sst": {},
+}
 
-    assert {row.code for row in rows if row.is_writable} == writable
 
+@pytest.mark.parametrize("family", FAMILIES)
+def test_rows_times_and_factory_settings_are_those_that_the_manual_prints(family: str) -> None:
+    profile = load_profile(family)
+    timing, factory = profile.timing, factory_settings(profile)
+    writable = {row.code for row in profile.parameters.values() if row.is_writable}
 
-@pytest.mark.parametrize(
-    ("family", "codes"),
-    [
-        ("ssw06", {"VB03", "VB07", *(f"VB03.{bit}" for bit in range(8))}),
-        ("ssw07", {"VB03", *(f"VB03.{bit}" for bit in range(8))}),
-        ("ssw900", {"S5.2.5", "S5.2.6"}),
-        ("sst", {"COIL1", "COIL2", "COIL3", "COIL4"}),
-    ],
-)
-def test_what_moves_or_stops_the_motor_is_there_for_commands_only(family: str, codes: set[str]) -> None:
-    rows = load_profile(family).parameters.values()
-
-    assert {row.code for row in rows if row.access is Access.COMMAND} == codes
+    assert WRITABLE.get(family, writable) == writable
+    assert {row.code for row in profile.parameters.values() if row.access is Access.COMMAND} == COMMANDS[
+        family
+    ]
+    times = timing.read_s, timing.write_s, timing.write_per_register_s, timing.restart_s, timing.is_stated
+    assert times == TIMING[family]
+    assert FACTORY[family].items() <= {code: words[0] for code, words in factory.items()}.items()
+    for code, words in factory.items():
+        row = profile.parameters[code]
+        assert (row.raw_min or 0) <= words[0] <= (row.raw_max or 0)
 
 
 def test_the_ssw07_has_no_alarm_bit_and_some_bits_only_from_newer_firmware() -> None:
@@ -102,47 +115,3 @@ def test_the_ssw07_has_no_alarm_bit_and_some_bits_only_from_newer_firmware() -> 
         if not is_there(load_profile("ssw07"), Variant(firmware="1.3"), point.source)
     }
     assert late == {"jog", "braking", "reversing", "reverse"}
-
-
-@pytest.mark.parametrize(
-    ("family", "numbers"),
-    [
-        ("ssw06", (0.010, 0.010, 0.010, 10.0, True)),
-        ("ssw07", (0.020, 0.020, 0.020, 0.0, True)),
-        ("ssw900", (0.100, 0.100, 0.0, 0.0, False)),
-        ("sst", (0.100, 0.100, 0.0, 10.0, False)),
-    ],
-)
-def test_response_times_are_the_manuals_or_said_to_be_ours(
-    family: str, numbers: tuple[float, float, float, float, bool]
-) -> None:
-    timing = load_profile(family).timing
-
-    assert numbers == (
-        timing.read_s,
-        timing.write_s,
-        timing.write_per_register_s,
-        timing.restart_s,
-        timing.is_stated,
-    )
-
-
-@pytest.mark.parametrize(
-    ("family", "codes"),
-    [
-        ("ssw06", {"P220": 2, "P229": 0, "P230": 0, "P308": 1, "P312": 1, "P313": 0, "P314": 0}),  # 2.1-2.7
-        ("ssw07", {"P220": 3, "P229": 0, "P230": 1, "P308": 1, "P312": 1, "P313": 1, "P314": 0}),
-        ("ssw900", {"C8.2.1": 2, "C8.2.4": 1, "C8.2.5.2": 3, "C8.1.1.3": 26, "C8.1.2.3": 11, "C8.1.2.25": 0}),
-        ("sst", {}),
-    ],
-)
-def test_factory_settings_are_those_that_the_manual_prints(family: str, codes: dict[str, int]) -> None:
-    profile = load_profile(family)
-    factory = {code: words[0] for code, words in factory_settings(profile).items()}
-
-    assert codes.items() <= factory.items()
-    for code, raw in factory.items():
-        row = profile.parameters[code]
-        assert row.raw_min is not None
-        assert row.raw_max is not None
-        assert row.raw_min <= raw <= row.raw_max

@@ -226,8 +226,6 @@ def test_every_row_that_chooses_the_command_source_is_named_in_its_familys_data(
     ("family", "text", "known", "expected"),
     [  # run and jog are 0 before the words of the command
         ("ssw07", "reset", "firmware=1.30", "c100:0 c107:0 c107:1"),  # a jog that it does not have
-        ("ssw06", "configure leave=P202", "", "5003:0100 5003:0400 5007:0002"),
-        ("ssw07", "set P230=2", "", "c100:0 c102:0 230:0002 c100:0 c102:0"),
         ("ssw900", "set C3.3=5", "slot=2", "685:0012 686:0012 230:0005"),  # the words of both slots
     ],
 )

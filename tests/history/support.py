@@ -134,9 +134,6 @@ class NoFile:
     async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
         return []
 
-    async def lacking(self, starter: str, kind: str, ids: Sequence[str]) -> list[str]:
-        return []
-
     async def close(self, *, within_s: float) -> bool:
         return True
 

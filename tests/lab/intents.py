@@ -64,7 +64,6 @@ async def _measure(folder: Path, seconds: float, rows: int) -> None:
     state = StateStore(
         folder / "state.sqlite",
         boot="0123456789ab",
-        has_operators=True,
         publish_event=lambda *_, **__: None,
     )
     sync = DiskSync(

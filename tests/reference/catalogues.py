@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from itertools import groupby
 
 from gateway.contract import EventCode, ResultCode
 from gateway.contract.events import EVENTS
 from gateway.contract.results import RESULTS
 from gateway.plugins.metrics.catalogue import METRICS
+from tests.reference.markdown import table
 
 EVENTS_HEAD = """\
 # Events
@@ -28,21 +28,21 @@ def events_page() -> str:
     """Return docs/reference/events.md."""
     head = ("code", "severity", "what happened", "what to do", "`data`")
     groups = groupby(EVENTS, lambda code: EVENTS[code].group)
-    return "\n".join([EVENTS_HEAD, *(_table(f"## {title}", head, map(_event, of)) for title, of in groups)])
+    return "\n".join([EVENTS_HEAD, *(table(f"## {title}", head, map(_event, of)) for title, of in groups)])
 
 
 def results() -> str:
     """Return the codes of results."""
     head = ("code", "what it says", "what to do")
     groups = groupby(RESULTS, lambda code: RESULTS[code].group)
-    return "\n".join(_table(f"### {title}", head, map(_result, of)) for title, of in groups)
+    return "\n".join(table(f"### {title}", head, map(_result, of)) for title, of in groups)
 
 
 def metrics() -> str:
     """Return a table for each group of metrics."""
     head = ("metric", "type", "labels", "meaning")
     return "\n".join(
-        _table(
+        table(
             f"### {group}",
             head,
             (
@@ -63,8 +63,3 @@ def _event(code: EventCode) -> tuple[str, ...]:
 def _result(code: str) -> tuple[str, ...]:
     shown = "exception_N" if code == ResultCode.EXCEPTION else code
     return f"`{shown}`", RESULTS[code].sentence, RESULTS[code].remedy
-
-
-def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    lines = [f"| {' | '.join(cells)} |" for cells in (head, *rows)]
-    return "\n".join([title, "", lines[0], "|" + "---|" * len(head), *lines[1:], ""])

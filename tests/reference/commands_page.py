@@ -7,6 +7,7 @@ from collections.abc import Iterator
 
 from gateway.cli import main
 from gateway.cli.main import COMMANDS
+from tests.reference.markdown import table
 
 HEAD = """\
 # Command line
@@ -68,12 +69,9 @@ def _arguments(parser: argparse.ArgumentParser) -> list[argparse.Action]:
 
 def _section(name: str, parser: argparse.ArgumentParser) -> str:
     usage = " ".join(_usage(parser).split())
-    parts = [f"{'##' if ' ' not in name else '###'} {name}", "", parser.description or "", ""]
-    parts += ["```", usage, "```", ""]
-    rows = [f"| `{_name(action)}` | {_help(action, parser)} |" for action in _arguments(parser)]
-    if rows:
-        parts += ["| argument | what |", "|---|---|", *rows, ""]
-    return "\n".join(parts)
+    title = f"{'##' if ' ' not in name else '###'} {name}\n\n{parser.description}\n\n```\n{usage}\n```"
+    rows = [(f"`{_name(action)}`", _help(action, parser)) for action in _arguments(parser)]
+    return table(title, ("argument", "what"), rows) if rows else f"{title}\n"
 
 
 def _usage(parser: argparse.ArgumentParser) -> str:
@@ -94,4 +92,4 @@ def _name(action: argparse.Action) -> str:
 
 def _help(action: argparse.Action, parser: argparse.ArgumentParser) -> str:
     formatter = argparse.HelpFormatter(parser.prog, width=1000)
-    return formatter._expand_help(action).replace("|", "\\|") if action.help else ""
+    return formatter._expand_help(action) if action.help else ""

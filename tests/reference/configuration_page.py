@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 
 from gateway.config import values
 from gateway.config.schema import Config
+from tests.reference import markdown
 
 HEAD = """\
 # Configuration
@@ -56,12 +57,9 @@ def page() -> str:
 
 
 def _section(table: Table) -> str:
-    rows = [
-        f"| `{key.name}` | {key.kind} | {key.unit} | {key.default} | {key.limits} | {key.meaning} |"
-        for key in table.keys
-    ]
-    head = ["| key | type | unit | default | limits | meaning |", "|---|---|---|---|---|---|"]
-    return "\n".join([f"## `{table.header}`", "", table.meaning, "", *head, *rows, ""])
+    rows = ((f"`{key.name}`", *key[1:]) for key in table.keys)
+    head = ("key", "type", "unit", "default", "limits", "meaning")
+    return markdown.table(f"## `{table.header}`\n\n{table.meaning}", head, rows)
 
 
 def _tables(root: Schema, node: Schema, path: str, *, is_list: bool) -> Iterator[Table]:
@@ -101,8 +99,7 @@ def _key(root: Schema, name: str, node: Schema, *, is_required: bool) -> Key:
     values = [each for each in node.get("anyOf", (node,)) if each.get("type") != "null"]
     value = values[0]
     default = "**required**" if is_required else _default(node.get("default"))
-    meaning = str(node.get("description", "")).replace("|", "\\|")
-    return Key(name, _kind(value), _unit(name), default, _limits(value), meaning)
+    return Key(name, _kind(value), _unit(name), default, _limits(value), str(node.get("description", "")))
 
 
 def _kind(value: Schema) -> str:

@@ -12,27 +12,9 @@ from pydantic import TypeAdapter
 from pydantic.json_schema import GenerateJsonSchema
 from pydantic_core.core_schema import DataclassField, ModelField, TypedDictField
 
-from gateway.contract import (
-    CONTRACT_VERSION,
-    AlarmRecord,
-    AuditRecord,
-    AvailabilityRecord,
-    CommandBody,
-    EventRecord,
-    FreshRecord,
-    GatewayRecord,
-    HistoryRecord,
-    InfoRecord,
-    LineRecord,
-    OutboxRecord,
-    Record,
-    ResultRecord,
-    StartRecord,
-    StateRecord,
-    StatusRecord,
-    TripRecord,
-    ValueRecord,
-)
+from gateway import contract
+from gateway.contract import CONTRACT_VERSION, CommandBody, Record
+from tests.reference.markdown import table
 
 MADE = "Made by `make docs` from gateway/contract, which the tests compare with a run."
 HEAD = f"""\
@@ -59,6 +41,7 @@ ABOUT = """\
 Starter Gateway connects motor soft-starters on RS-485 lines (Modbus RTU) to MQTT; not a safety function.
 Times are UTC, RFC 3339 with milliseconds. Floats always have a decimal part. No topic that carries a payload
 is a prefix of another."""
+COMMANDS = "From an operator, never retained. `stop` needs no payload at all."
 PARAMETERS = {
     "base": "what all topics begin with: `mqtt.base`, by default starters/ and the gateway's name",
     "starter": "name of the starter",
@@ -141,8 +124,8 @@ def asyncapi() -> str:
 
 def topics_page() -> str:
     """Return docs/reference/topics.md."""
-    rows = [f"| [`B/{each.address}`](#{each.name.lower()}) | {each.meaning} |" for each in TOPICS]
-    return "\n".join([HEAD, "| topic | what |", "|---|---|", *rows, "", *map(_section, TOPICS)])
+    rows = ((f"[`B/{each.address}`](#{each.name.lower()})", each.meaning) for each in TOPICS)
+    return "\n".join([table(HEAD.rstrip(), ("topic", "what"), rows), *map(_section, TOPICS)])
 
 
 class _Dumper(yaml.SafeDumper):
@@ -191,28 +174,17 @@ def _section(topic: Topic) -> str:
     retained = "retained" if is_retained else "not retained" if topic.kind else "never retained"
     deleted = " An empty payload deletes it." if "deleted" in topic.messages else ""
     others = topic.schema.get("additionalProperties")
-    return "\n".join(
-        [
-            f"## `B/{topic.address}` {{#{topic.name.lower()}}}",
-            "",
-            topic.meaning,
-            f"QoS {qos}, {retained}.{deleted}",
-            "",
-            "| field | type | meaning |",
-            "|---|---|---|",
-            *_rows(topic.schema, ""),
-            *([f"| *others* | | {others['description']} |"] if others else []),
-            "",
-        ]
-    )
+    title = f"## `B/{topic.address}` {{#{topic.name.lower()}}}\n\n{topic.meaning}"
+    rows = [*_rows(topic.schema, ""), *([("*others*", "", others["description"])] if others else [])]
+    return table(f"{title}\nQoS {qos}, {retained}.{deleted}", ("field", "type", "meaning"), rows)
 
 
-def _rows(schema: Mapping[str, Any], path: str) -> Iterator[str]:
+def _rows(schema: Mapping[str, Any], path: str) -> Iterator[tuple[str, ...]]:
     for name, each in schema.get("properties", {}).items():
         absent = "" if name in schema.get("required", ()) else ", or absent"
         values = " ".join(f"`{value}`" for value in each.get("enum", ()) if value is not None)
         meaning = each["description"] + (f" ({values})" if values else "")
-        yield f"| `{path}{name}` | {_kind(each)}{absent} | {meaning} |"
+        yield f"`{path}{name}`", f"{_kind(each)}{absent}", meaning
         yield from _rows(each, f"{path}{name}.")
         yield from _rows(each.get("items", {}), f"{path}{name}[].")
         yield from _rows(each.get("additionalProperties", {}), f"{path}{name}.*.")
@@ -292,39 +264,31 @@ def _schema_of(kind: type[Record]) -> dict[str, Any]:
     return schema
 
 
-def _topic(name: str, kind: type[Record]) -> Topic:
-    found = _schema_of(kind)
-    address = "gateway/event" if name == "gatewayEvent" else kind.TOPIC
+def _topic(name: str, kind: type[Record] | None, address: str = "", meaning: str = "") -> Topic:
+    found = _schema_of(kind) if kind else CommandBody.model_json_schema()
     schema = _flat(found, found.get("$defs", {}))
     schema.pop("description", None)
-    return Topic(name, kind, address, " ".join((kind.__doc__ or "").split()), schema)
-
-
-def _command() -> Topic:
-    found = CommandBody.model_json_schema()
-    schema = _flat(found, found.get("$defs", {}))
-    schema.pop("description")
-    meaning = "From an operator, never retained. `stop` needs no payload at all."
-    return Topic("command", None, "command/{starter}/{client}/{verb}", meaning, schema)
+    meaning = meaning or " ".join((kind.__doc__ or "").split())
+    return Topic(name, kind, address or kind.TOPIC, meaning, schema)
 
 
 TOPICS = (
-    _topic("gatewayStatus", StatusRecord),
-    _topic("gatewayFresh", FreshRecord),
-    _topic("gatewayInfo", GatewayRecord),
-    _topic("lineStatistics", LineRecord),
-    _topic("outbox", OutboxRecord),
-    _topic("gatewayEvent", EventRecord),
-    _topic("starterInfo", InfoRecord),
-    _topic("starterAvailability", AvailabilityRecord),
-    _topic("starterState", StateRecord),
-    _topic("starterValue", ValueRecord),
-    _topic("starterAlarm", AlarmRecord),
-    _topic("starterEvent", EventRecord),
-    _topic("starterStart", StartRecord),
-    _topic("starterTrip", TripRecord),
-    _topic("starterHistory", HistoryRecord),
-    _command(),
-    _topic("result", ResultRecord),
-    _topic("audit", AuditRecord),
+    _topic("gatewayStatus", contract.StatusRecord),
+    _topic("gatewayFresh", contract.FreshRecord),
+    _topic("gatewayInfo", contract.GatewayRecord),
+    _topic("lineStatistics", contract.LineRecord),
+    _topic("outbox", contract.OutboxRecord),
+    _topic("gatewayEvent", contract.EventRecord, "gateway/event"),
+    _topic("starterInfo", contract.InfoRecord),
+    _topic("starterAvailability", contract.AvailabilityRecord),
+    _topic("starterState", contract.StateRecord),
+    _topic("starterValue", contract.ValueRecord),
+    _topic("starterAlarm", contract.AlarmRecord),
+    _topic("starterEvent", contract.EventRecord),
+    _topic("starterStart", contract.StartRecord),
+    _topic("starterTrip", contract.TripRecord),
+    _topic("starterHistory", contract.HistoryRecord),
+    _topic("command", None, "command/{starter}/{client}/{verb}", COMMANDS),
+    _topic("result", contract.ResultRecord),
+    _topic("audit", contract.AuditRecord),
 )

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-
 from gateway.families.profile.load import ENGLISH, LANGUAGES, load_profile
 from gateway.families.profile.names import meaning_of
 from gateway.families.profile.rows import RESERVED, Parameter
 from gateway.families.profile.schema import Point, Profile, Write
+from tests.reference.markdown import table
 
 
 def tables(family: str) -> str:
@@ -29,7 +28,7 @@ def _limits(profile: Profile) -> str:
         ("registers a read, a write", f"{limits.read_registers}, {limits.write_registers}"),
         ("longest frame", f"{limits.frame_bytes} bytes"),
     ]
-    return _table("Limits", ("", ""), rows)
+    return table("## Limits", ("", ""), rows)
 
 
 def _points(profile: Profile) -> str:
@@ -38,7 +37,7 @@ def _points(profile: Profile) -> str:
         row = profile.parameters.get(point.code)
         unit = row.unit if row and point.bit is None else ""
         rows.append((f"`{name}`", _source(point), unit, point.group, meaning_of(profile, name)))
-    return _table("Points", ("point", "read from", "unit", "group", "meaning"), rows)
+    return table("## Points", ("point", "read from", "unit", "group", "meaning"), rows)
 
 
 def _source(point: Point) -> str:
@@ -59,7 +58,7 @@ def _commands(profile: Profile) -> str:
         )
         for verb, command in profile.commands.items()
     ]
-    return _table("Commands", ("command", "args", "writes", "requires", "read back"), rows)
+    return table("## Commands", ("command", "args", "writes", "requires", "read back"), rows)
 
 
 def _write(write: Write) -> str:
@@ -76,8 +75,8 @@ def _alarms(profile: Profile) -> str:
         for language in LANGUAGES
     }
     others = {language: names for language, names in named.items() if names != named[ENGLISH]}
-    return _table(
-        "Faults and alarms",
+    return table(
+        "## Faults and alarms",
         ("code", "kind", "name", "section", *(f"in {language}" for language in others)),
         [
             (
@@ -107,7 +106,7 @@ def _parameters(profile: Profile) -> str:
         for row in profile.parameters.values()
     ]
     head = ("code", "name", "address", "type", "decimals", "unit", "raw range", "access")
-    return _table("Parameters", head, rows)
+    return table("## Parameters", head, rows)
 
 
 def _values(profile: Profile) -> str:
@@ -116,7 +115,7 @@ def _values(profile: Profile) -> str:
         for row in profile.parameters.values()
         if row.enum
     ]
-    return _table("Values", ("code", "numbers and what they mean"), rows)
+    return table("## Values", ("code", "numbers and what they mean"), rows)
 
 
 def _bits(profile: Profile) -> str:
@@ -126,7 +125,7 @@ def _bits(profile: Profile) -> str:
             meanings = profile.enums.get(f"{code}.{bit}", {})
             if label != RESERVED:
                 rows.append((code, str(bit), label, meanings.get(0, ""), meanings.get(1, "")))
-    return _table("Bits", ("code", "bit", "name", "0", "1"), rows) if rows else ""
+    return table("## Bits", ("code", "bit", "name", "0", "1"), rows) if rows else ""
 
 
 def _range(row: Parameter) -> str:
@@ -138,9 +137,3 @@ def _access(row: Parameter) -> str:
         "read, set" if row.is_writable else {"command": "by verbs", "none": "-"}.get(row.access, "read")
     )
     return writable if row.confidence == "manual" else f"{writable} ({row.confidence})"
-
-
-def _table(title: str, head: tuple[str, ...], rows: Iterable[tuple[str, ...]]) -> str:
-    lines = [f"## {title}", "", "| " + " | ".join(head) + " |", "|" + "---|" * len(head)]
-    lines += ["| " + " | ".join(cell.replace("|", "\\|") for cell in row) + " |" for row in rows]
-    return "\n".join([*lines, ""])

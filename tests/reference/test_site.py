@@ -112,11 +112,5 @@ def test_no_link_of_the_site_is_dead(pages: dict[Path, Page]) -> None:
     assert dead == []
 
 
-def test_every_picture_of_the_documents_is_in_the_site(site: Path) -> None:
-    pictures = {path.relative_to(DOCS) for path in DOCS.rglob("*.svg")}
-
-    assert all((site / each).exists() for each in pictures)
-
-
 def test_the_site_is_small_enough_to_ship(site: Path) -> None:
     assert sum(path.stat().st_size for path in site.rglob("*") if path.is_file()) < 6_000_000

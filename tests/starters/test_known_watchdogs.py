@@ -1,4 +1,4 @@
-"""The watchdogs as last known: one that is admitted counts at once, for its line and other commands."""
+"""The watchdogs as last known: what is admitted counts until it is read, whatever is read before."""
 
 from __future__ import annotations
 
@@ -13,7 +13,8 @@ from gateway.modbus.writes import WriteRegister
 from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.setup import StarterSetup
 
-OLD = {"P313": (2,), "P314": (30,)}  # it stops the motor, after so many seconds
+OLD, NEW = {"P313": (2,), "P314": (30,)}, {"P313": (2,), "P314": (1,)}
+SET_NEW = Procedure((WriteStep(WriteRegister(314, 1)),), None)
 
 
 class Deadlines:
@@ -26,50 +27,71 @@ class Deadlines:
         self.now[unit] = seconds
 
 
-def watched(baud: int = 19200, count: int = 1) -> tuple[KnownWatchdogs, Deadlines]:
+def watched(baud: int = 19200, count: int = 1) -> tuple[KnownWatchdogs, list[StarterSetup], Deadlines]:
     """Return starters whose watchdog of 30 s was read."""
     watchdogs, line = KnownWatchdogs(), Deadlines()
     timing, profile = LineTiming(baud, Framing.parse("8N2")), load_profile("ssw07")
-    given: Any = line
-    for n in range(1, count + 1):
-        watchdogs.add(StarterSetup(f"pump-{n}", "pumps", n, profile, Variant(), timing=timing), given)
-        watchdogs.note(f"pump-{n}", OLD)
-    return watchdogs, line
+    setups = [
+        StarterSetup(f"pump-{n}", "pumps", n, profile, Variant(), timing=timing) for n in range(1, count + 1)
+    ]
+    for setup in setups:
+        given: Any = line
+        watchdogs.add(setup, given)
+        watchdogs.note(setup.name, OLD)
+    return watchdogs, setups, line
 
 
-def setting(seconds: int) -> Procedure:
-    return Procedure((WriteStep(WriteRegister(314, seconds)),), None)
+async def test_the_old_row_read_again_does_not_take_an_admitted_watchdog_back() -> None:
+    watchdogs, (pump,), line = watched()
+
+    await watchdogs.admit("pump-1", SET_NEW)
+    watchdogs.note("pump-1", OLD)
+
+    assert (watchdogs.limit_s(pump), line.now) == (1.0, {1: 1.0})
+    assert watchdogs.known()["pump-1"].rows == NEW
 
 
-@pytest.mark.parametrize(
-    ("seconds", "read_then", "counts_s"),
-    [
-        (5, None, 5.0),  # at once
-        (5, {"P314": (5,)}, 5.0),
-        (5, {"P314": (4,)}, 4.0),  # the newest reading, in any case
-        (5, OLD, 30.0),
-        (60, None, 30.0),  # the longer one counts once it is read
-        (60, {"P314": (60,)}, 60.0),
-    ],
-)
-async def test_a_shorter_watchdog_counts_from_its_admission_to_the_next_reading(
-    seconds: int, read_then: dict[str, tuple[int, ...]] | None, counts_s: float
-) -> None:
-    watchdogs, line = watched()
-
-    await watchdogs.admit("pump-1", setting(seconds))
-    if read_then is not None:
-        watchdogs.note("pump-1", read_then)
-
-    assert line.now == {1: counts_s}
-
-
-async def test_another_is_judged_by_those_admitted_and_a_refused_one_counts_no_more() -> None:
-    watchdogs, line = watched(baud=2400, count=3)
+async def test_another_is_judged_by_what_is_admitted_and_not_yet_read() -> None:
+    watchdogs, _, line = watched(baud=2400, count=3)
     for name in ("pump-1", "pump-2"):
-        await watchdogs.admit(name, setting(1))
+        await watchdogs.admit(name, SET_NEW)
+        watchdogs.note(name, OLD)
 
     with pytest.raises(CommandError, match="pump-3: its watchdog of 1 s would act"):
-        await watchdogs.admit("pump-3", setting(1))
+        await watchdogs.admit("pump-3", SET_NEW)
 
     assert line.now == {1: 1.0, 2: 1.0, 3: 30.0}
+
+
+async def test_once_it_is_read_alike_the_next_reading_counts() -> None:
+    watchdogs, (pump,), line = watched()
+
+    await watchdogs.admit("pump-1", SET_NEW)
+    watchdogs.note("pump-1", NEW)
+    watchdogs.note("pump-1", OLD)
+
+    assert (watchdogs.limit_s(pump), line.now) == (30.0, {1: 30.0})
+
+
+@pytest.mark.parametrize(("is_written", "limit_s"), [(True, 1.0), (False, 30.0)])
+async def test_what_is_not_read_by_the_end_counts_if_it_may_be_written(
+    is_written: bool, limit_s: float
+) -> None:
+    watchdogs, (pump,), line = watched()
+
+    await watchdogs.admit("pump-1", SET_NEW)
+    watchdogs.note("pump-1", OLD)
+    watchdogs.end("pump-1", is_written=is_written)
+    assert (watchdogs.limit_s(pump), line.now) == (limit_s, {1: limit_s})
+
+    watchdogs.note("pump-1", OLD)
+    assert (watchdogs.limit_s(pump), line.now) == (30.0, {1: 30.0})
+
+
+async def test_a_shorter_one_that_is_read_meanwhile_counts() -> None:
+    watchdogs, (pump,), _ = watched()
+
+    await watchdogs.admit("pump-1", Procedure((WriteStep(WriteRegister(314, 5)),), None))
+    watchdogs.note("pump-1", NEW)
+
+    assert watchdogs.limit_s(pump) == 1.0

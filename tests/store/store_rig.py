@@ -45,10 +45,10 @@ class Keeping:
     def do(self, work: Callable[[Connection], T]) -> T:
         return self.store.submit(work).result(PATIENCE_S)
 
-    def until(self, news: News, *, times: int = 1) -> str:
+    def until(self, news: News) -> str:
         """Wait until this was reported, and return the text of the first time."""
         with self._changed:
-            assert self._changed.wait_for(lambda: self.kinds().count(news) >= times, PATIENCE_S), self.news
+            assert self._changed.wait_for(lambda: news in self.kinds(), PATIENCE_S), self.news
         return next(text for kind, text in self.news if kind is news)
 
     def kinds(self) -> list[News]:

@@ -17,6 +17,7 @@ from collections.abc import Mapping, Sequence
 from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, by_name, gateway_login
 from gateway.cli.broker_kit.rights import Login, Role, remote_clients
 from gateway.config import Config, is_loopback
+from gateway.errors import UsageError
 
 LOOPBACK_PORT = 18883  # of the edge's broker, for the bridge: TLS would gain nothing there
 BRIDGE_PORT = 18884  # of the bridge itself; no login may use it
@@ -62,8 +63,11 @@ def edge_port(config: Config) -> int:
 def central_logins(config: Config, logins: Sequence[Login], base: str) -> tuple[Login, ...]:
     """Return who logs in at the central broker for this site, with rights below this site's base only.
 
-    UsageError for an operator with the name of one of the bridge's logins, who would have its rights.
+    UsageError for a broker at one of the bridge's ports, and for an operator with the name of one of its
+    logins, who would have its rights.
     """
+    if config.mqtt.port in (LOOPBACK_PORT, BRIDGE_PORT):
+        raise UsageError(f"port {config.mqtt.port} is the bridge's own (give mqtt.url another)")
     (up, down), (out, into), notice = bridge_logins(config), _passing(logins), f"{base}/{NOTICE}"
     found = [Login(up, "", {Role.BRIDGE_UP}, [], [*_moved(config, out, base), notice])]
     if into:

@@ -135,8 +135,11 @@ def _replaced(folder: Path) -> Iterator[Path]:
         for path in stage.rglob("*"):
             if path.is_file():
                 path.chmod(0o644 if str(path.relative_to(stage)) in _PUBLIC else 0o600)
-        for part in _PARTS:
-            with suppress(FileNotFoundError):
-                (folder / part).rename(stage / f"{part}.old")  # goes with the private folder
-            with suppress(FileNotFoundError):
-                (stage / part).rename(folder / part)
+        # One by one, the mark of a kit at last: at a kill each file is the old or the new one.
+        new = sorted(path.relative_to(stage) for path in stage.rglob("*") if path.is_file())
+        for path in sorted(new, key=lambda path: str(path) == SETTINGS):
+            (folder / path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+            (stage / path).replace(folder / path)
+        for old in [each for part in _PARTS for each in (folder / part, *(folder / part).rglob("*"))]:
+            if not old.is_dir() and old.relative_to(folder) not in new:
+                old.unlink(missing_ok=True)

@@ -17,7 +17,8 @@ SETTINGS = "kit.json"  # a folder with this file is a kit
 LOGIN_NAME = r"(?!\.+(=|$))[A-Za-z0-9_.@-]{1,64}"  # also the name of a file
 
 _HOST = r"(\*\.)?[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A-Fa-f:.]*"
-_CENTRAL = r"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:[1-9][0-9]{0,4})?"
+_PORT = r"([1-9][0-9]{0,3}|[1-5][0-9]{4}|6[0-4][0-9]{3}|65[0-4][0-9]{2}|655[0-2][0-9]|6553[0-5])"
+_CENTRAL = rf"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:{_PORT})?"
 _LEVEL = r"([A-Za-z0-9_.-]|\{gateway\})+"
 _DEFAULT_PORT = 8883
 

@@ -16,7 +16,7 @@ from typing import Any
 from gateway.cli.command import flag
 from gateway.cli.demo.knobs import simulator_topics
 from gateway.client import broker_at
-from gateway.config import Config, LineTable, SimulatedMotorTable, StarterTable, load, timing_of, version_of
+from gateway.config import Config, LineTable, SimulatedMotorTable, StarterTable, load, timing_of
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
 from gateway.sim.bus.bus import Bus
@@ -85,7 +85,6 @@ async def simulate(config: Config, *, knobs_at: str | None = None, is_companion:
             print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
         if knobs_at is not None:
             broker = broker_at(knobs_at, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
-            broker = replace(broker, version=version_of(config.mqtt.version))
             await stack.enter_async_context(simulator_topics(_by_name(config, lines), broker))
             print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         await ending.wait()

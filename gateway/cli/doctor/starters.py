@@ -151,8 +151,6 @@ class LineCheckup:
             self._say(where, finding.text, finding.weight)
         counters = [rows[code][0] for code in device_of(profile).counter_rows if code in rows]
         self.findings.add(telegrams_finding(where, *counters) if len(counters) == COUNTERS else None)
-        if delivered := diagnosis.as_delivered(profile, variant, rows):
-            self._say(where, delivered)
 
 
 def telegrams_finding(where: str, received: int, sent: int, crc_errors: int, other_errors: int) -> Finding:

@@ -159,7 +159,7 @@ class _Place:
     def old_state(self) -> list[Path]:
         """Return what a restore replaces in the state directory: a gateway's own files."""
         paths = backup.own_files(self.state_dir) if self.state_dir.is_dir() else ()
-        return sorted(path for path in paths if not path.name.startswith(backup.LOCK_FILE))
+        return sorted(path for path in paths if not path.name.startswith(FILE))
 
     def in_the_way(self) -> Iterator[Path]:
         """Yield what is there already."""
@@ -178,20 +178,15 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
     known = {own, *(name_in_backup(before, path) for path in files_of(config))}
     state = {name.removeprefix(f"{STATE}/"): name for name in facts.files if name.startswith(f"{STATE}/")}
     configured = [name for name in facts.files if name not in state.values()]
-    foreign = [*(name for name in configured if name not in known), *filter(_is_foreign, state)]
-    if foreign:
+    foreign = [name for name in configured if name not in known]
+    if foreign := foreign + [name for name in state if not backup.is_state_name(name)]:
         raise DamagedError(f"the backup holds {foreign[0]}, which its configuration does not name")
     state_dir = folder / config.gateway.state_dir
     if to is not None:  # below that folder, whatever the configuration says
         state_dir = Path(os.path.normpath(state_dir))
         state_dir = state_dir if state_dir.is_relative_to(folder) else folder / STATE
-    backup.refuse_newer(state_dir, facts.state)
     places = {name.removeprefix(f"{CONFIG}/"): name for name in configured}
     return _Place(config, folder / facts.config, folder, state_dir, places, state)
-
-
-def _is_foreign(name: str) -> bool:
-    return not backup.is_state_name(name)
 
 
 def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:

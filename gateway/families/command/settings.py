@@ -12,7 +12,7 @@ from gateway.families.command.interlock import points_needed
 from gateway.families.devices import device_of
 from gateway.families.profile.arguments import asked_codes, asked_values
 from gateway.families.profile.parameters import RowWords, find, is_volatile, settable_words, writes_for
-from gateway.families.profile.procedure import Preparation, Procedure, Read, Seen, WriteStep
+from gateway.families.profile.procedure import Preparation, Procedure, Seen, WriteStep
 from gateway.families.profile.rows import Parameter
 from gateway.families.profile.schema import Profile, Variant
 from gateway.families.profile.word_types import in_order_of
@@ -51,17 +51,13 @@ def rows_set(profile: Profile, args: Mapping[str, Any]) -> tuple[Parameter, ...]
 
 def prepare_set(profile: Profile, variant: Variant, args: Mapping[str, Any]) -> Preparation:
     """Return what to read before rows are set: they, what their values hang on, the motor's state."""
-    wanted, is_single = _wanted(profile, variant, args)
+    wanted, _ = _wanted(profile, variant, args)
     codes = [row.code for row, _ in wanted]
     if _is_configuration(wanted):
         return device_of(profile).prepare_configure(profile, variant, asked_values(args)[0])
     requires = ("is_stopped",) if any(row.is_stopped_only for row, _ in wanted) else ()
-    others = [code for code in _timeout_rows(profile, codes) if code not in codes]
-    others += rows_of_points(profile, points_needed(profile, requires))
-    if is_single:
-        reads: tuple[Read, ...] = (read_of(profile, codes[0]), *reads_for(profile, others))
-    else:
-        reads = reads_for(profile, (*codes, *others))
+    needed = rows_of_points(profile, points_needed(profile, requires))
+    reads = reads_for(profile, (*codes, *_timeout_rows(profile, codes), *needed))
     return Preparation(reads=reads, requires=requires)
 
 

@@ -19,12 +19,10 @@ from gateway.families.diagnosis.identification import (
     with_distinctive_rows,
 )
 from gateway.families.diagnosis.readiness_check import (
-    as_delivered,
     readiness,
     readiness_codes,
     refuses_start,
     shortest_s,
-    time_codes,
     watchdog_codes,
     watchdogs,
     written_rows,

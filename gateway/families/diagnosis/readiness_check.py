@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from gateway.families.devices import device_of
 from gateway.families.devices.findings import Remark, Settings, Topic, Watchdog, Weight, start, unread
-from gateway.families.profile.parameters import factory_settings
 from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Profile, Variant
 from gateway.modbus import Request, WriteCoil, WriteRegister, WriteRegisters
@@ -18,11 +17,6 @@ def watchdog_codes(profile: Profile) -> tuple[str, ...]:
     """Return the rows that `watchdogs` looks at, as far as the family has them."""
     device = device_of(profile)
     return (*device.source_rows, *device.watchdog_rows)
-
-
-def time_codes(profile: Profile) -> tuple[str, ...]:
-    """Return those of `watchdog_codes` that say whether a watchdog is on, and after how long it acts."""
-    return device_of(profile).watchdog_rows
 
 
 def watchdogs(
@@ -88,14 +82,6 @@ def readiness(
     ]
     order = list(reversed(Weight))
     return tuple(sorted(found, key=lambda finding: order.index(finding.weight)))
-
-
-def as_delivered(profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]) -> str:
-    """Return in a sentence which of these rows (raw words by code) stand as delivered; "" when none does."""
-    settings = Settings(profile, variant, rows)
-    factory = factory_settings(profile)
-    same = [settings.shown(code) for code in rows if code in factory and rows[code] == factory[code]]
-    return f"as delivered: {', '.join(same)}" if same else ""
 
 
 def refuses_start(findings: tuple[Remark, ...]) -> bool:

@@ -117,10 +117,15 @@ class Delivery:
         return self._left
 
     async def take_left(self, starter: str, kind: type[T]) -> list[T]:
-        """Return what of that the history of a starter lacks, the oldest first; StoreError."""
+        """Return what of that the history of a starter lacks, the oldest first; StoreError.
+
+        It came after the newest that is stored: the history once had what came before that.
+        """
         begin = _key(starter, KINDS[kind], "")
         ids = [key.removeprefix(begin) for key in self._left if key.startswith(begin)]
-        lacking = [begin + id_ for id_ in await self.store.lacking(starter, KINDS[kind], ids)]
+        stored = {row.id for row in await self.store.rows(starter, (KINDS[kind],))} if ids else ()
+        known = max((number for number, id_ in enumerate(ids, 1) if id_ in stored), default=0)
+        lacking = [begin + id_ for id_ in ids[known:]]
         payloads = await self._outbox.payloads(lacking) if lacking else {}
         records: list[T] = []
         for id_ in ids:

@@ -82,7 +82,6 @@ class History:
         self._policy = policy
         self._store = store
         self._delivery = Delivery(records, store, outbox)
-        self._is_away = False
         self._recalled = asyncio.Event()
         self._ending = asyncio.Event()
         self._bugs: defaultdict[tuple[str, str], ChangeDetector] = defaultdict(ChangeDetector)
@@ -211,11 +210,9 @@ class History:
         match news:
             case News.OPEN:
                 log.info("history %s", text)
-                if self._is_away:
-                    self._publish_event(EventCode.HISTORY_AVAILABLE)
-                self._is_away = False
+            case News.BACK:
+                self._publish_event(EventCode.HISTORY_AVAILABLE)
             case News.AWAY:
-                self._is_away = True
                 self._publish_event(EventCode.HISTORY_UNAVAILABLE, trouble=text)
             case News.LOST:
                 self._publish_event(EventCode.HISTORY_LOST, "damaged", trouble=text)

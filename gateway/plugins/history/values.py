@@ -115,7 +115,8 @@ class MotorValues(Part):
         self._store()
 
     def close(self) -> None:
-        """Store the sums."""
+        """Store the sums in any case: the file may have been set aside since they changed."""
+        self._stored = {}
         self._store()
 
     def _note_level(self, level: float, at_s: float) -> None:

@@ -214,6 +214,7 @@ def _context_of(settings: WebSettings) -> ssl.SSLContext | None:
 def _listening(host: str, port: int) -> socket.socket:
     is_6 = ":" in host
     family = socket.AF_INET6 if is_6 else socket.AF_INET
-    listener = socket.create_server((host, port), family=family, backlog=BACKLOG, dualstack_ipv6=is_6)
+    both = is_6 and socket.has_dualstack_ipv6()
+    listener = socket.create_server((host, port), family=family, backlog=BACKLOG, dualstack_ipv6=both)
     listener.setblocking(False)  # noqa: FBT003 - the socket's way
     return listener

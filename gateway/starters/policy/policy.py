@@ -130,7 +130,7 @@ class Guard:
             self.policy.rulebook.demand_start(self.request.starter, now_s=self.policy.clock.now_s())
 
     async def reserve(self, procedure: Procedure) -> None:
-        """Demand that the line can keep the watchdog that is set, which counts from now on."""
+        """Demand that the line can keep the watchdog that is set, which counts from now on; `end` follows."""
         await self.policy.watchdogs.admit(self.request.starter, procedure)
 
     async def admit(self, procedure: Procedure) -> None:
@@ -148,6 +148,10 @@ class Guard:
                     raise CommandError(ResultCode.NOT_KEPT, "start")
                 self._check_time_and_lock()
         policy.write_budget.take(starter, procedure.wears, now_s=policy.clock.now_s())
+
+    def end(self, *, is_written: bool) -> None:
+        """Record that the command is over: a watchdog that it may have written counts until it is read."""
+        self.policy.watchdogs.end(self.request.starter, is_written=is_written)
 
     def _check_time_and_lock(self) -> None:
         request, now_s = self.request, self.policy.clock.now_s()

@@ -77,6 +77,11 @@ class StarterState(NamedTuple):
     motion: Motion = Motion()
     alarms: AlarmBook = {}  # noqa: RUF012 - never changed
 
+    def fresh(self, points: Points, at_s: float) -> Points:
+        """Return those of a reply's points that were not read later: a command's is handled after polls'."""
+        times = self.times
+        return {name: new for name, new in points.items() if name not in times or times[name].at_s <= at_s}
+
     @property
     def is_awaiting(self) -> bool:
         """Return whether something that has changed needs a second reading, or a trip its number."""

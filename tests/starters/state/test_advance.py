@@ -191,3 +191,12 @@ def test_an_event_carries_the_values_before_its_first_reading() -> None:
     before = started.first.earlier[-1]
     assert before.at_s == 2
     assert before.points["running"].value is False
+
+
+def test_a_reading_that_is_handled_late_counts_where_nothing_newer_was_read() -> None:
+    profile = load_profile("ssw07")
+    points = sources_of(profile).decode(Variant(), {"VB01": (0x5123,)}).points
+    state, _ = advance(unread(profile), NewReadings(5, Moment(5, 5), {"running": points["running"]}), profile)
+
+    assert state.fresh(points, 4).keys() == points.keys() - {"running"}
+    assert state.fresh(points, 5) == points

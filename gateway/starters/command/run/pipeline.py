@@ -92,6 +92,7 @@ class CommandRun:
             logger.exception("starter=%s command ended by a bug", self.report.request.starter)
             end = self._outlook.cut(Reason(ResultCode.INTERNAL))
         self._held_slot.close()
+        self.judge.guard.end(is_written=self.report.is_written)
         self.report.finish(end)
 
     async def _ended(self) -> Final:
