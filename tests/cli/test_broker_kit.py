@@ -14,22 +14,23 @@ from gateway.cli.broker_kit.settings import KitSettings
 from gateway.cli.main import main
 from gateway.config.reading import parse
 from tests.config.sites import changed
+from tests.rig.sites import operator, table
 
 URL = 'url = "mqtts://broker.plant:8883"'
 NAMED = (URL, f'{URL}\nusername = "mcc1"\npassword_file = "mqtt.password"')
 DATED = ('starters = ["pump-*"]', 'starters = ["pump-*"]\nfreshness = "issued_at"')
-SPARKPLUG = """
-[sparkplug]
-group = "plant"
-urls = ["mqtts://broker.plant"]
-username = "mcc1-spb"
-primary_host = "scada"
-commands = true
-operator = "alice"
-"""
-HOME_ASSISTANT = '\n[homeassistant]\noperator = "alice"\n'
+SPARKPLUG = table(
+    "sparkplug",
+    group="plant",
+    urls=["mqtt://localhost"],
+    username="mcc1-spb",
+    primary_host="scada",
+    commands=True,
+    operator="alice",
+)
+HOME_ASSISTANT = table("homeassistant", operator="alice")
 PLAIN = (URL, 'url = "mqtt://localhost"\nusername = "mcc1"')  # needs no certificate
-BOB = '[[operator]]\nclient = "bob"\nmay = ["stop"]\nstarters = ["*"]\n'
+BOB = operator("bob", ("stop",))
 needs_openssl = pytest.mark.skipif(shutil.which("openssl") is None, reason="openssl is not here")
 SEEN = {"starters/mcc1/starter/#", "starters/mcc1/gateway/#"}
 BORN = {"NBIRTH/mcc1", "NDATA/mcc1", "NDEATH/mcc1", "DBIRTH/mcc1/+", "DDATA/mcc1/+", "DDEATH/mcc1/+"}
@@ -93,8 +94,7 @@ def rights(acl: Path) -> dict[str, tuple[set[str], set[str]]]:
 
 
 def test_each_login_may_do_what_it_is_for_and_nothing_else(tmp_path: Path) -> None:
-    spb = SPARKPLUG.replace("mqtts://broker.plant", "mqtt://localhost")
-    site = changed(PLAIN, DATED, ("[[operator]]", f"{HOME_ASSISTANT}{spb}\n[[operator]]"))
+    site = changed(PLAIN, DATED) + HOME_ASSISTANT + SPARKPLUG
 
     kit = made(
         tmp_path, "--login=alice-send=alice", "--bridge=central", "--bridge-base=acme/{gateway}", site=site
@@ -135,29 +135,23 @@ def test_the_proof_tries_every_verb_and_expects_what_the_list_says() -> None:
 
 
 @pytest.mark.parametrize(
-    ("change", "up", "down"),
+    ("site", "up", "down"),
     [
-        (("[[operator]]", f"{HOME_ASSISTANT}\n[[operator]]"), {*TELEMETRY, DISCOVERY}, {BIRTH}),
-        (("[[operator]]", f"{BOB}\n[[operator]]"), TELEMETRY, {"starters/mcc1/command/+/alice/+"}),
+        (changed(PLAIN) + HOME_ASSISTANT, {*TELEMETRY, DISCOVERY}, {BIRTH}),
+        (changed(PLAIN, DATED) + BOB, TELEMETRY, {"starters/mcc1/command/+/alice/+"}),
     ],
     ids=["discovery, as both bases are the same", "no operator who may also prove by token"],
 )
-def test_a_bridge_passes(tmp_path: Path, change: tuple[str, str], up: set[str], down: set[str]) -> None:
-    dated = () if "home" in change[1] else (DATED,)
-
-    found = rights(made(tmp_path, "--bridge=central", site=changed(PLAIN, change, *dated)) / "acl")
+def test_a_bridge_passes(tmp_path: Path, site: str, up: set[str], down: set[str]) -> None:
+    found = rights(made(tmp_path, "--bridge=central", site=site) / "acl")
 
     assert (found["bridge-up"], found["bridge-down"]) == ((up, set()), (set(), down))
 
 
-def test_sparkplug_needs_a_login_of_its_own_at_this_broker(tmp_path: Path) -> None:
-    own = ("[[operator]]", '[sparkplug]\ngroup = "plant"\n\n[[operator]]')
-    elsewhere = ("[[operator]]", '[sparkplug]\ngroup = "plant"\nurls = ["mqtts://other"]\n\n[[operator]]')
+def test_sparkplug_at_another_broker_has_no_rights_at_this_one(tmp_path: Path) -> None:
+    elsewhere = changed(PLAIN) + table("sparkplug", group="plant", urls=["mqtts://other"])
 
-    made(tmp_path, site=changed(PLAIN, own), code=78)
-    kit = made(tmp_path, site=changed(PLAIN, elsewhere))
-
-    assert "spBv1.0" not in (kit / "acl").read_text("utf-8")
+    assert "spBv1.0" not in (made(tmp_path, site=elsewhere) / "acl").read_text("utf-8")
 
 
 @pytest.mark.parametrize(
@@ -182,21 +176,6 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(
 
 
 @needs_openssl
-def test_a_bridge_whose_commands_this_clock_refuses_says_so(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    name = 'name = "mcc1"'
-    site = changed(NAMED, DATED, (name, f'{name}\nclock = "untrusted"'))
-
-    made(tmp_path, site=site)
-    without = capsys.readouterr().out
-    made(tmp_path, "--update", "--bridge", "central", site=site)
-
-    assert "need issued_at" not in without
-    assert "warning operator alice: the commands of this operator need issued_at" in capsys.readouterr().out
-
-
-@needs_openssl
 def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(tmp_path: Path) -> None:
     kit = made(tmp_path, "--host", "b.plant", "--host", "10.0.0.7", site=changed(NAMED))
 
@@ -208,19 +187,6 @@ def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(tmp_path:
     public = {path.name for path in kit.rglob("*") if path.is_file() and path.stat().st_mode & 0o077}
     assert public == {"ca.pem", "broker.pem"}
     assert kit.stat().st_mode & 0o077 == 0
-
-
-def test_a_folder_with_other_things_in_it_is_left_alone(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    (tmp_path / "kit/logins").mkdir(parents=True)
-    (tmp_path / "kit/logins/bank").write_text("precious", "utf-8")
-    before = contents(tmp_path / "kit")
-
-    made(tmp_path, code=2)
-
-    assert "holds no kit, but logins" in capsys.readouterr().err
-    assert contents(tmp_path / "kit") == before
 
 
 @needs_openssl
@@ -299,39 +265,3 @@ def test_a_copy_of_a_kit_is_that_of_a_second_gateway_at_the_broker(tmp_path: Pat
     }
     assert (two / "logins/mcc2").exists()
     assert not (two / "logins/mcc1").exists()
-
-
-@pytest.mark.parametrize(
-    ("options", "what"),
-    [
-        (["--viewer", "alice"], "two logins have the name alice"),
-        (["--viewer", "prover"], "two logins have the name prover"),
-        (["--viewer", "acl-probe"], "two logins have the name acl-probe"),
-        (["--login", "alice=alice"], "two logins have the name alice"),
-        (["--viewer", "a b"], "is no NAME"),
-        (["--auditor", ".."], "is no NAME"),
-        (["--login", "x=carol"], "no [[operator]] carol"),
-        (["--host", "a,DNS:evil"], "is no ADDRESS"),
-        (["--host", "bröker.plant"], "is no ADDRESS"),
-        (["--host", "a b"], "is no ADDRESS"),
-        (["--host=-a"], "is no ADDRESS"),
-        (["--host={gateway}"], "is no ADDRESS"),
-        (["--login", "x"], "is no NAME=OPERATOR"),
-        (["--bridge", "central:x"], "is no HOST"),
-        (["--bridge", "central:65536"], "is no HOST"),
-        (["--login", "..=alice"], "is no NAME=OPERATOR"),
-        (["--bridge", "central evil:8883"], "is no HOST"),
-        (["--bridge", "[::1]:8883"], "is no HOST"),
-        (["--bridge", "central", "--bridge-base", "a/#"], "is no BASE"),
-        (["--bridge", "central", "--bridge-base", "acme/site 1"], "is no BASE"),
-        (["--bridge", "central", "--bridge-base", "acme\ntopic # out"], "is no BASE"),
-        (["--bridge", "central", "--bridge-base", "$share/acme"], "is no BASE"),
-    ],
-)
-def test_wrong_options_are_refused_before_anything_is_written(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], options: list[str], what: str
-) -> None:
-    made(tmp_path, *options, code=2)
-
-    assert what in capsys.readouterr().err
-    assert not (tmp_path / "kit").exists()

@@ -9,13 +9,13 @@ import socket
 import stat
 from collections.abc import AsyncIterator
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from gateway.app import capture_socket
 from gateway.app.capture_socket import CaptureSocket
 from gateway.cli.main import main
-from gateway.line import OnFrame
 from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.system.clock import Clock
@@ -42,24 +42,6 @@ class StillClock(Clock):
         return EPOCH_S + (at_s or 0.0)
 
 
-class Lines:
-    """The gateway's lines, whose frames are wanted or not."""
-
-    def __init__(self) -> None:
-        self.on_frame: OnFrame | None = None
-        self.turned = asyncio.Event()
-
-    def capture(self, on_frame: OnFrame | None) -> None:
-        self.on_frame = on_frame
-        self.turned.set()
-
-    async def wanted(self) -> OnFrame:
-        await self.turned.wait()
-        self.turned.clear()
-        assert self.on_frame is not None
-        return self.on_frame
-
-
 @pytest.fixture
 def config(tmp_path: Path) -> Path:
     path = tmp_path / "site.toml"
@@ -75,11 +57,12 @@ def path(config: Path) -> Path:
 
 
 @contextlib.asynccontextmanager
-async def serving(path: Path) -> AsyncIterator[Lines]:
-    lines = Lines()
-    task = asyncio.create_task(CaptureSocket(path, ["pumps", "fans"], lines.capture, StillClock()).run())
+async def serving(path: Path) -> AsyncIterator[asyncio.Queue[Any]]:
+    """Serve the socket; what is yielded gets where frames are wanted, and None where there is no reader."""
+    wanted = asyncio.Queue[Any]()
+    task = asyncio.create_task(CaptureSocket(path, ["pumps", "fans"], wanted.put_nowait, StillClock()).run())
     await asyncio.sleep(0)
-    yield lines
+    yield wanted
     task.cancel()
     await asyncio.wait([task])
 
@@ -98,14 +81,13 @@ async def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
     need_tshark()
     file = tmp_path / "line.pcapng"
 
-    async with serving(path) as lines:
+    async with serving(path) as wanted:
         capturing = capture(config, file, "--seconds", "0.5")
-        on_frame = await lines.wanted()
+        on_frame = await wanted.get()
         for frame in FRAMES:
             on_frame(*frame)
         assert await capturing == 0
-        await lines.turned.wait()
-        assert lines.on_frame is None  # there is no reader now
+        assert await wanted.get() is None
 
     errors = capsys.readouterr().err
     assert "recording pumps, fans" in errors
@@ -127,9 +109,9 @@ async def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
 async def test_a_gateway_that_ends_meanwhile_is_reported_and_the_file_stored(
     config: Path, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    async with serving(path) as lines:
+    async with serving(path) as wanted:
         capturing = capture(config, tmp_path / "line.pcapng")
-        on_frame = await lines.wanted()
+        on_frame = await wanted.get()
         on_frame(*FRAMES[0])
         await asyncio.sleep(0)
 
@@ -170,14 +152,13 @@ async def test_a_reader_that_is_too_slow_is_cut_off(
     path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     monkeypatch.setattr(capture_socket, "MOST_UNSENT_BYTES", 10_000)
-    async with serving(path) as lines:
+    async with serving(path) as wanted:
         _, writer = await asyncio.open_unix_connection(path)
-        on_frame = await lines.wanted()
+        on_frame = await wanted.get()
 
         while not caplog.text:
             on_frame("pumps", 0.0, ">>", bytes(256))
-        await lines.turned.wait()
-        assert lines.on_frame is None
+        assert await wanted.get() is None
         writer.close()
 
     assert "too slow" in caplog.text

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
+from typing import Any
 
 import pytest
 
-from gateway.cli.main import main
 from gateway.starters.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownRows
 from gateway.store import STATE_FILE, write_document
 from tests.config.sites import SITE, changed
+from tests.rig import run_cli
 
 
 @pytest.fixture
@@ -21,58 +22,68 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_a_name_that_is_not_stable_gets_the_advice_of_the_stable_one(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+@pytest.mark.parametrize(
+    ("where", "instead", "change", "said"),
+    [
+        (
+            "stable_name",
+            lambda port: f"/dev/serial/by-id/usb-{port[-1]}",
+            ("/dev/rs485-pumps", "/dev/ttyUSB0"),
+            "adapter tomorrow (use /dev/serial/by-id/usb-0)",
+        ),
+        (
+            "os.access",
+            lambda path, _: path.name != "plant-ca.pem",
+            ("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"'),
+            "plant-ca.pem may not be read (let this user read it)",
+        ),
+    ],
+)
+def test_what_this_machine_has_otherwise_is_warned_of(
+    folder: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    where: str,
+    instead: Any,
+    change: tuple[str, str],
+    said: str,
 ) -> None:
-    monkeypatch.setattr("gateway.cli.check.stable_name", lambda port: f"/dev/serial/by-id/usb-{port[-1]}")
-    (folder / "site.toml").write_text(changed(("/dev/rs485-pumps", "/dev/ttyUSB0")), "utf-8")
+    monkeypatch.setattr(f"gateway.cli.check.{where}", instead)
+    (folder / "plant-ca.pem").touch()
+    (folder / "site.toml").write_text(changed(change), "utf-8")
 
-    assert main(["check", str(folder / "site.toml")]) == 0
+    ran = run_cli("check", str(folder / "site.toml"))
 
-    assert "adapter tomorrow (use /dev/serial/by-id/usb-0)" in capsys.readouterr().out
-
-
-def test_a_file_that_this_user_may_not_read_is_a_warning(
-    folder: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr("gateway.cli.check.os.access", lambda path, _: path.name != "plant-ca.pem")
-    (folder / "plant-ca.pem").write_text("", "utf-8")
-    url = 'url = "mqtts://broker.plant:8883"'
-    (folder / "site.toml").write_text(changed((url, f'{url}\nca_file = "plant-ca.pem"')), "utf-8")
-
-    assert main(["check", str(folder / "site.toml")]) == 0
-
-    assert "plant-ca.pem may not be read (let this user read it)" in capsys.readouterr().out
+    assert (ran.code, said in ran.out) == (0, True)
 
 
 def test_where_this_user_may_not_look_nothing_is_accepted(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     def refuse(path: Path) -> list[str]:
         raise PermissionError(13, "Permission denied", str(path))
 
     monkeypatch.setattr(os, "listdir", refuse)
 
-    assert main(["check", str(folder / "site.toml"), "--upgrade"]) == 1
+    ran = run_cli("check", str(folder / "site.toml"), "--upgrade")
 
-    done = capsys.readouterr()
-    assert "this user may not look into it (run this as the gateway's user, or as root)" in done.err
-    assert done.out == ""
+    assert (ran.code, ran.out) == (1, "")
+    assert "this user may not look into it (run this as the gateway's user, or as root)" in ran.err
 
 
 def test_a_lock_that_this_user_may_not_see_counts_as_that_of_a_gateway_that_runs(
-    folder: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     known = {"pump-1": KnownRows({"P314": (5,), "P313": (1,)})}  # s, action
     write_document(folder / "state" / STATE_FILE, WATCHDOGS, KNOWN_ROWS, known)
-    lock, opened = folder / "state" / "gateway.lock", os.open
+    opened = os.open
 
     def refuse(path: Path, *rest: int) -> int:
-        if path == lock:
+        if path == folder / "state" / "gateway.lock":
             raise PermissionError(13, "Permission denied", str(path))
         return opened(path, *rest)
 
     monkeypatch.setattr(os, "open", refuse)
 
-    assert main(["check", str(folder / "site.toml"), "--upgrade"]) == 75
-    assert "no gateway runs" not in capsys.readouterr().out
+    ran = run_cli("check", str(folder / "site.toml"), "--upgrade")
+
+    assert (ran.code, "no gateway runs" in ran.out) == (75, False)

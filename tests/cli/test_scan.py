@@ -19,16 +19,11 @@ from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.faults import Impairment, Reply
 from gateway.sim.bus.port import SimulatedLine
-from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.virtual_time import run_virtually
 
 TIMING = LineTiming(19200, Framing.parse("8N2"))
 READS = {3, 4, 43}  # what every family allows
-
-
-def four_units() -> list[SimulatedUnit]:
-    return [make_unit(family, address) for address, family in enumerate(FAMILIES, 3)]
 
 
 def search(
@@ -48,18 +43,13 @@ def search(
     return run_virtually(run())
 
 
-def functions(bus: SimulatedLine) -> set[int]:
-    """Return the functions of all requests that went out."""
-    return {decode(frame.data).pdu[0] for frame in bus.transcript if frame.sender == 0}
-
-
 def test_x_05_nothing_is_written_and_only_reads_that_every_family_allows_are_sent() -> None:
-    bus = SimulatedLine(TIMING, four_units())
+    bus = SimulatedLine(TIMING, [make_unit(family, address) for address, family in enumerate(FAMILIES, 3)])
 
     found = search(bus)
 
     assert len(found) == 4
-    assert functions(bus) <= READS
+    assert {decode(frame.data).pdu[0] for frame in bus.transcript if frame.sender == 0} <= READS
     assert [list(unit.writes) for unit in bus.units] == [[], [], [], []]
     assert bus.violations == []
 
@@ -91,23 +81,21 @@ class Corrupted(Impairment):
         return (Reply(adu=corrupted, after_s=reply.after_s, deadline_s=reply.deadline_s),)
 
 
-def test_what_answers_otherwise_than_in_modbus_is_reported_and_is_no_starter() -> None:
-    bus = SimulatedLine(TIMING, [make_unit("ssw07", 5)])
-    bus.impair(5, Corrupted())
+@pytest.mark.parametrize(
+    ("product", "is_corrupted", "reason"),
+    [(None, True, "not in Modbus"), ("PM-5000", False, "PM-5000")],
+)
+def test_what_is_no_starter_is_reported_with_what_it_says(
+    product: str | None, reason: str, *, is_corrupted: bool
+) -> None:
+    bus = SimulatedLine(TIMING, [make_unit("ssw07", 5, product=product)])
+    if is_corrupted:
+        bus.impair(5, Corrupted())
 
     (found,) = search(bus)
 
     assert found.profile is None
-    assert "not in Modbus" in found.identity.reason
-
-
-def test_a_unit_of_no_known_family_is_reported_with_what_it_says() -> None:
-    stranger = make_unit("ssw07", 5, product="PM-5000")
-
-    (found,) = search(SimulatedLine(TIMING, [stranger]))
-
-    assert found.profile is None
-    assert "PM-5000" in found.identity.reason
+    assert reason in found.identity.reason
 
 
 def find(family: str | None, address: int, framing: str = "8N2", **facts: Any) -> Find:

@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-import importlib.util
+import runpy
 import shutil
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -22,12 +23,7 @@ def checkout(tmp_path: Path) -> Any:
     script = tmp_path / "deploy" / "get-uplot.sh"
     script.write_text("#!/bin/sh\necho no network >&2\n", "utf-8")
     script.chmod(0o755)
-    spec = importlib.util.spec_from_file_location("backend", next(tmp_path.rglob("with_page_and_docs.py")))
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return SimpleNamespace(**runpy.run_path(str(next(tmp_path.rglob("with_page_and_docs.py")))))
 
 
 @pytest.fixture(autouse=True)

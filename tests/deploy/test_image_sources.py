@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import importlib.util
+import runpy
 from pathlib import Path
-from types import ModuleType
 from typing import Any
 
 import pytest
@@ -12,17 +11,8 @@ import yaml
 
 TOP = Path(__file__).parents[2]
 OCI = TOP / "deploy" / "oci"
+HEALTHY = runpy.run_path(str(OCI / "healthy.py"))
 COMPOSE = yaml.safe_load((OCI / "compose.yaml").read_text("utf-8"))
-
-
-@pytest.fixture(scope="module")
-def healthy() -> ModuleType:
-    spec = importlib.util.spec_from_file_location("healthy", OCI / "healthy.py")
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
 
 
 @pytest.mark.parametrize(
@@ -35,10 +25,8 @@ def healthy() -> ModuleType:
         ('[web]\nlisten = "192.0.2.7:8480"\nbase_path = "/mcc1/"', "http://192.0.2.7:8480/mcc1/health"),
     ],
 )
-def test_the_health_check_asks_where_the_page_listens(
-    healthy: ModuleType, site: str, url: str | None
-) -> None:
-    assert healthy.health_url(site) == url
+def test_the_health_check_asks_where_the_page_listens(site: str, url: str | None) -> None:
+    assert HEALTHY["health_url"](site) == url
 
 
 def test_the_example_for_compose_mounts_what_exists_and_gives_the_gateway_little() -> None:

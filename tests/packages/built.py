@@ -7,12 +7,20 @@ from collections.abc import Callable
 from functools import cache
 from pathlib import Path
 
+import pytest
+
 from deploy.deb.build import LIBRARY, lay_out, pack
 from deploy.deb.targets import DISTRIBUTIONS
-from deploy.wheel import build_wheel, project_version
+from deploy.wheel import DOCS, UPLOT, build_wheel, project_version
 
 GATEWAY = LIBRARY / "site-packages" / "gateway"
 Change = Callable[[Path], None]  # of the program's folder
+
+
+def need_built() -> None:
+    """Skip the test where the parts that other programs make are not there."""
+    if not (DOCS / "index.html").exists() or not UPLOT.exists():
+        pytest.skip("not built: the documentation or uPlot (make test-deb builds them)")
 
 
 class Packages:

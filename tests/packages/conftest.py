@@ -5,16 +5,14 @@ from pathlib import Path
 
 import pytest
 
-from deploy.wheel import DOCS, UPLOT
-from tests.packages.built import Packages
+from tests.packages.built import Packages, need_built
 from tests.packages.container import Container, why_not
 from tests.packages.site import SYSTEMS
 
 
 @pytest.fixture(scope="session")
 def packages(tmp_path_factory: pytest.TempPathFactory) -> Packages:
-    if not (DOCS / "index.html").exists() or not UPLOT.exists():
-        pytest.skip("not built: the documentation or uPlot (make test-deb builds them)")
+    need_built()
     return Packages(tmp_path_factory.mktemp("packages"))
 
 

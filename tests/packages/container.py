@@ -89,7 +89,7 @@ class Container:
     def start(self, *command: str) -> subprocess.Popen[str]:
         """Start a command in the system that goes on; its output in a pipe."""
         process = subprocess.Popen(
-            [*self._entering(None), *command],
+            [*self._entering(), *command],
             stdin=subprocess.DEVNULL,
             stdout=subprocess.PIPE,
             stderr=subprocess.STDOUT,
@@ -137,24 +137,16 @@ class Container:
             children = Path(f"/proc/{self._outer.pid}/task/{self._outer.pid}/children").read_text().split()
             if children:
                 self._init = int(children[0])
-                command = [*self._entering(None), "systemctl", "is-system-running"]
+                command = [*self._entering(), "systemctl", "is-system-running"]
                 state = subprocess.run(
                     command, capture_output=True, text=True, check=False, timeout=WITHIN_S
                 ).stdout.strip()
 
-    def _entering(self, environ: dict[str, str] | None) -> list[str]:
+    def _entering(self, environ: dict[str, str] | None = None) -> list[str]:
         plain = {"PATH": "/usr/local/sbin:/usr/local/bin:/usr/sbin:/usr/bin:/sbin:/bin", "HOME": "/root"}
         words = [f"{key}={value}" for key, value in {**plain, "LC_ALL": "C.UTF-8", **(environ or {})}.items()]
-        return [
-            "nsenter",
-            f"--target={self._init}",
-            "--all",
-            "--root",
-            "--wd=/",
-            "env",
-            "--ignore-environment",
-            *words,
-        ]
+        into = f"nsenter --target={self._init} --all --root --wd=/ env --ignore-environment"
+        return [*into.split(), *words]
 
     def _remove_group(self) -> None:
         give_up_s = time.monotonic() + 5.0

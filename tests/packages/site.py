@@ -6,7 +6,7 @@ import re
 import sqlite3
 import subprocess
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
@@ -117,32 +117,35 @@ class InstalledSite:
                 text += "".join(line for (line,) in connection.execute("SELECT line FROM audit"))
         return str(re.findall(r"gateway_started.*?version ([\d.]+)", text)[-1])
 
-    def topic(self, topic: str) -> str:
-        user, password = LOGIN
-        words = ("-h", "127.0.0.1", "-u", user, "-P", password, "-C", "1", "-W", "30")
-        return self.system.run("mosquitto_sub", *words, "-t", f"starters/plant/{topic}").strip()
+    def topic(
+        self, topic: str, broker: Sequence[str] = ("-h", "127.0.0.1"), login: tuple[str, str] = LOGIN
+    ) -> str:
+        """Return what is retained in a topic of a broker."""
+        words = (*broker, "-u", login[0], "-P", login[1], "-C", "1", "-W", "30", "-t", topic)
+        return self.system.run("mosquitto_sub", *words).strip()
 
     def until(self, topic: str, text: str) -> None:
-        """Wait until what is retained in a topic has this text."""
-        self._until(lambda: self.topic(topic), text, topic)
+        """Wait until what is retained in a topic of the gateway has this text."""
+        self.until_seen(lambda: self.topic(f"starters/plant/{topic}"), text, topic)
 
     def until_started(self, version: str) -> None:
         """Wait until the audit, which is written beside the rest, says that this version started last."""
-        self._until(self.version_that_started_last, version, "the version that started last")
+        self.until_seen(self.version_that_started_last, version, "the version that started last")
 
     def until_served(self, url: str) -> None:
         """Wait until a page is served."""
         script = f"import urllib.request as u; print(u.urlopen('{url}', timeout=10).status)"
-        self._until(lambda: self.shell(f'python3 -c "{script}"'), "200\n", url)
+        self.until_seen(lambda: self.shell(f'python3 -c "{script}"'), "200\n", url)
 
-    def _until(self, look: Callable[[], str], text: str, what: str) -> None:
+    def until_seen(self, look: Callable[[], str], text: str, what: str) -> None:
+        """Wait until a look shows a text."""
         give_up_s = time.monotonic() + PATIENCE_S
         while text not in (seen := look()):
             assert time.monotonic() < give_up_s, f"{what} is {seen}, not {text}\n{self.journal()}"
             time.sleep(0.1)
 
     def journal(self) -> str:
-        return self.system.run("journalctl", "-u", "starter-gateway", "--no-pager", "-n", "60")
+        return self.system.run("journalctl", "-u", "starter-gateway*", "--no-pager", "-n", "60")
 
 
 def assert_motor_was_left_alone(site: InstalledSite, tap: LineTap, since_s: float) -> None:
@@ -197,20 +200,8 @@ class Upgrades:
 def files_of(system: Container) -> set[str]:
     """Return every file but what programs log and cache."""
     changing = (
-        "var/log",
-        "var/cache",
-        "var/lib/dpkg",
-        "var/lib/apt",
-        "var/lib/systemd",
-        "var/lib/mosquitto",
-        "etc/mosquitto",
-        "root",
+        "var/log var/cache var/lib/dpkg var/lib/apt var/lib/systemd var/lib/mosquitto etc/mosquitto root"
     )
-    found = subprocess.run(
-        ["find", ".", "-xdev", "-printf", "%P\\n"],
-        cwd=system.root,
-        capture_output=True,
-        text=True,
-        check=True,
-    )
-    return {path for path in found.stdout.splitlines() if not path.startswith(changing)}
+    find = ["find", ".", "-xdev", "-printf", "%P\\n"]
+    found = subprocess.run(find, cwd=system.root, capture_output=True, text=True, check=True)
+    return {path for path in found.stdout.splitlines() if not path.startswith(tuple(changing.split()))}

@@ -99,17 +99,11 @@ def starts_the_central_broker(site: InstalledSite) -> None:
 
 def at_central(site: InstalledSite, topic: str) -> str:
     """Return what a consumer at the central broker gets."""
-    user, password = CONSUMER
-    what = ("-C", "1", "-W", "20", "-u", user, "-P", password, "-t", f"{CENTRAL_BASE}/{topic}")
-    return site.system.run("mosquitto_sub", *CENTRAL_BROKER, *what).strip()
+    return site.topic(f"{CENTRAL_BASE}/{topic}", CENTRAL_BROKER, CONSUMER).replace(" ", "")
 
 
 def until(site: InstalledSite, topic: str, text: str) -> None:
-    give_up_s = time.monotonic() + 30.0
-    while text not in (seen := at_central(site, topic).replace(" ", "")):
-        said = site.system.run("journalctl", "-u", UNIT, "--no-pager", "-n", "30")
-        assert time.monotonic() < give_up_s, f"{topic} is {seen}, not {text}\n{said}"
-        time.sleep(0.2)
+    site.until_seen(lambda: at_central(site, topic), text, topic)
 
 
 def sends(site: InstalledSite, verb: str) -> None:

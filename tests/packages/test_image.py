@@ -11,7 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from deploy.wheel import DOCS, TOP, UPLOT, project_version
+from deploy.wheel import TOP, project_version
+from tests.packages.built import need_built
 from tests.packages.container import SYSTEMS, why_not
 from tests.rig.sites import ALICE, line, starter, table
 
@@ -79,8 +80,7 @@ def image(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
         pytest.skip(f"no fresh system of Debian: {reason}")
     if shutil.which("buildah") is None:
         pytest.skip("buildah is not installed")
-    if not (DOCS / "index.html").exists() or not UPLOT.exists():
-        pytest.skip("not built: the documentation or uPlot (make test-deb builds them)")
+    need_built()
     base = buildah("from", "scratch")
     buildah("add", "--quiet", base, SYSTEMS / "bookworm.tar", "/")
     buildah("commit", "--quiet", "--rm", base, f"{NAME}-base")

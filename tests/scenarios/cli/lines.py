@@ -70,6 +70,17 @@ def cli(words: str, **said: Any) -> Expectation:
     return check
 
 
+def file_has(name: str, *texts: str, but: tuple[str, ...] = ()) -> Expectation:
+    """Return the expectation that a file in the folder is there with these texts, and without those."""
+
+    def check(plant: RigPlant) -> str:
+        said = (plant.folder / name).read_text()
+        found = [text for text in texts if text not in said] + [text for text in but if text in said]
+        return f"{name}: {found}\n{said[:2000]}" if found else ""
+
+    return check
+
+
 def beside(name: str, given: str, *said: Expectation, at_s: float = 3.0, **options: Any) -> Any:
     """Return a row of a plant that runs, in which nothing else happens than what these lines do."""
     return row(name, given=given, then={at_s: said}, **options)

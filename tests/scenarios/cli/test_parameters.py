@@ -10,8 +10,8 @@ from typing import Any
 import pytest
 
 from tests.rig import RigPlant, ScenarioRow, frames, play, row
-from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, operator
-from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
+from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, operator, starter
+from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
 
 ENTER = "05 00 01 ff 00"  # of the SST's configuration mode
 
@@ -40,6 +40,7 @@ def entered_once(plant: RigPlant) -> str:
 SAVED = "parameters save CONFIG pump DIR/pump.toml"
 PUMP, MILL, BELT = SSW07 + ALICE, SSW900 + ALICE, SST + ALICE
 P314 = wanted("ssw07", P314=30)
+WATCHED = wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop")
 SETS = [
     *(
         beside(
@@ -66,14 +67,7 @@ SETS = [
         PUMP,
         cli(SAVED),
         cli(SAVED, code=2, err="pump.toml exists already"),
-        lambda plant: next(
-            (
-                text
-                for text in ('family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { ")
-                if text not in (plant.folder / "pump.toml").read_text()
-            ),
-            "",
-        ),
+        file_has("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { "),
     ),
     row(
         "a row that the starter refuses is noted",
@@ -117,7 +111,7 @@ SETS = [
         restore("mill", out="written and read back: C8.2.5.3, C8.2.5.1, C8.2.5.2"),
         restore("mill", out="nothing to write"),
         frames("mill", "06 02 de 00 0f", "06 02 e4 00 02", "06 02 e5 00 01"),
-        **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
+        **WATCHED,
     ),
     row(
         "the first setting that is not followed ends a restore, with an account",
@@ -130,7 +124,7 @@ SETS = [
                 out=("written and read back: C8.2.5.3\n", "unconfirmed: C8.2.5.1: ", "not tried: C8.2.5.2"),
             )
         },
-        **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
+        **WATCHED,
     ),
     beside(
         "an SST is configured once for all its registers",
@@ -179,12 +173,6 @@ SETS = [
         **wanted("ssw07", model="SSW-07 17.0A", P314=3),
     ),
     beside(
-        "so is one of another family",
-        PUMP,
-        restore("pump", code=2, err="the file is of family ssw06, pump of ssw07: choose another file"),
-        **wanted("ssw06", P314=3),
-    ),
-    beside(
         "an operator needs the rights",
         SSW07 + operator("bob", may=("read",)) + operator("carol", may=("stop",)),
         cli("parameters save CONFIG pump -", code=2, err="which operator? (--client with one of bob, carol)"),
@@ -202,17 +190,13 @@ SETS = [
         **P314,
     ),
     beside(
-        "a starter that is silent is not saved",
-        PUMP,
+        "a starter that is silent is not saved, nor one of another family than the one configured",
+        SSW07 + starter("fan", 2, "ssw06") + ALICE,
         cli(SAVED, code=1, err="the gateway reads nothing of pump: the starter does not answer"),
-        absent=("pump",),
-    ),
-    beside(
-        "nor one of another family than the one configured",
-        PUMP,
-        cli(SAVED, code=1, err="it is ssw06, not ssw07"),
+        cli("parameters save CONFIG fan -", code=1, err="it is ssw07, not ssw06"),
         at_s=10.0,
-        sim={"pump": {"family": "ssw06"}},
+        absent=("pump",),
+        sim={"fan": {"family": "ssw07"}},
     ),
     row(
         "a restore that loses the broker says what was written",
@@ -230,7 +214,7 @@ SETS = [
                 err="was lost before the final result",
             )
         },
-        **wanted("ssw900", C8_2_5_3=1.5, C8_2_5_1="Alarm A128", C8_2_5_2="Ramp Stop"),
+        **WATCHED,
     ),
 ]
 
@@ -274,6 +258,7 @@ FILES = [
         ("save CONFIG pump a.toml", 2, "", "exists already"),
         ("save CONFIG pump nowhere/a.toml", 2, "", "no folder"),
         ("restore CONFIG pump CONFIG", 2, "", "[starter]"),
+        ("restore CONFIG pump c.toml", 2, "", "the file is of family ssw06, pump of ssw07: choose another"),
     ]
 ]
 

@@ -17,10 +17,6 @@ START = "send CONFIG pump start"
 CONFIRMED = "accepted\nwritten: being read back\nconfirmed: read back from the starter\n"
 
 
-def _stop(plant: RigPlant) -> None:
-    plant.end()
-
-
 def _two_steps(plant: RigPlant) -> str:
     """Select a start, then start with the token that `send` has printed."""
     selected = plant.cli("send", "CONFIG", "pump", "select", "verb=start")
@@ -52,20 +48,15 @@ SENDING = [
         then={4.0: cli(START, code=1, out=("written: being read back", "unconfirmed [not_seen]"))},
     ),
     beside(
-        "a client without the right is refused",
-        SSW07 + ALICE + BOB,
-        cli(f"{START} --client bob", code=1, out="rejected [not_allowed]: bob has no right to start pump"),
-        cli(f"{START} --client carol", code=1, out="rejected [not_allowed]"),
-        cli("send CONFIG pump stop --client bob", out="confirmed"),
-    ),
-    beside(
-        "of several operators one must be named",
+        "of several operators one must be named, and has that one's rights",
         SSW07 + ALICE + BOB,
         cli(START, code=2, out="", err="which operator? (--client with one of alice, bob)"),
         results(),
+        cli(f"{START} --client bob", code=1, out="rejected [not_allowed]: bob has no right to start pump"),
+        cli("send CONFIG pump stop --client bob", out="confirmed"),
     ),
     beside(
-        "a setting is written and read back",
+        "a setting is written and read back, and several values are read at once, each on a line",
         SSW07 + ALICE,
         cli(
             "send CONFIG pump set parameter=P314 value=30",
@@ -73,6 +64,10 @@ SENDING = [
         ),
         frames("pump", "06 01 3a 00 1e"),
         cli("send CONFIG pump read parameter=P314", out="confirmed: read = 30.0 s"),
+        cli(
+            "send CONFIG pump read parameters=P003,P220",
+            out=re.compile(r"confirmed: read\n  P003 = 0.0 A\n  P220 = .+\n"),
+        ),
     ),
     beside(
         "an expectation that does not hold prevents the start",
@@ -99,29 +94,9 @@ SENDING = [
         then={6.0: cli("send CONFIG hall stop", out="confirmed: all 2 starters were read back")},
     ),
     beside(
-        "several values are read at once, each on a line",
-        SSW07 + ALICE,
-        cli(
-            "send CONFIG pump read parameters=P003,P220",
-            out=re.compile(r"confirmed: read\n  P003 = 0.0 A\n  P220 = .+\n"),
-        ),
-    ),
-    beside(
         "without a final result in time the command has failed",
         SSW07 + ALICE,
         cli(f"{START} --timeout 0.01", code=1, err="no final result within 0.01 s: look at the starter"),
-    ),
-    row(
-        "a gateway that never was is not waited for",
-        given=SSW07 + ALICE,
-        at={3.0: ["end", lambda plant: plant.broker.retained.clear()]},
-        then={
-            4.0: cli(
-                START,
-                code=1,
-                err="no gateway has published its state in starters/plant/gateway/status (is it",
-            )
-        },
     ),
     *(
         row(
@@ -153,29 +128,27 @@ SENDING = [
         then={3.0: cli(START, out="confirmed")},
     ),
     row(
-        "without a broker nothing is sent",
+        "a gateway that has ended, one that never was and a broker that is away are named; a stop goes out",
         given=SSW07 + ALICE,
-        at={3.0: "broker down"},
-        then={
-            4.0: cli(
-                START,
-                code=1,
-                out="",
-                err="broker 127.0.0.1:1883: nothing listens there (is the broker running?)",
-            )
-        },
-    ),
-    row(
-        "a gateway that has ended is named; a stop goes out all the same",
-        given=SSW07 + ALICE,
-        at={3.0: _stop},
+        at={3.0: "end", 5.0: lambda plant: plant.broker.retained.clear(), 7.0: "broker down"},
         then={
             4.0: [
                 cli(START, code=1, out="", err="the gateway is offline: ended by SIGTERM (start it)"),
                 cli(
                     "send CONFIG pump stop", code=1, out="", err="the stop was sent, and no gateway answered"
                 ),
-            ]
+            ],
+            6.0: cli(
+                START,
+                code=1,
+                err="no gateway has published its state in starters/plant/gateway/status (is it",
+            ),
+            8.0: cli(
+                START,
+                code=1,
+                out="",
+                err="broker 127.0.0.1:1883: nothing listens there (is the broker running?)",
+            ),
         },
     ),
 ]

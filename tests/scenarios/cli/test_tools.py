@@ -12,47 +12,18 @@ import comtrade
 import pytest
 
 from gateway.families import FAMILIES
-from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, row
-from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter
+from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, result, row
+from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter, table
 from tests.rig.state import with_sql
-from tests.scenarios.cli.lines import LineRow, beside, cli, ended, line_row, play_line
+from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
-TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05", 9.0: "end"}
+TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05"}
 NAMED = (
     '[mqtt]\nurl = "mqtts://broker.plant:8883"\nusername = "plant"\npassword_file = "mqtt.password"\n'
     + SSW07
     + ALICE
 )
-
-
-def lines_of(name: str, *texts: str, but: tuple[str, ...] = ()) -> Any:
-    """Return the expectation that a file in the folder has these texts, and not those."""
-
-    def check(plant: RigPlant) -> str:
-        said = (plant.folder / name).read_text()
-        found = [text for text in texts if text not in said] + [text for text in but if text in said]
-        return f"{name}: {found}\n{said[:2000]}" if found else ""
-
-    return check
-
-
-def file_there(name: str, *, is_there: bool = True) -> Any:
-    return lambda plant: (
-        "" if (plant.folder / name).exists() is is_there else f"{name} is there: {not is_there}"
-    )
-
-
-def changed(name: str, pattern: str, by: str) -> Any:
-    """Return the action that changes a file in the folder."""
-
-    def change(plant: RigPlant) -> None:
-        path = plant.folder / name
-        text, count = re.subn(pattern, by, path.read_text())
-        assert count, f"{pattern} is not in {path.read_text()}"
-        path.write_text(text)
-
-    return change
 
 
 def ran(words: str, **said: object) -> Any:
@@ -115,7 +86,7 @@ def _curve_of_a_start(plant: RigPlant) -> str:
     (start,) = [each["id"] for each in records if "outcome" in each]
     exported = f"history CONFIG pump --id {start} --comtrade DIR/start --csv DIR/start.csv"
     wrong = cli(exported, out="start.cfg: ")(plant) or _read_by_comtrade("start", "current")(plant)
-    return wrong or lines_of("start.csv", "t_s,time,", "current [A]")(plant)
+    return wrong or file_has("start.csv", "t_s,time,", "current [A]")(plant)
 
 
 def _corrupted(plant: RigPlant) -> None:
@@ -191,14 +162,15 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         code=None,
     ),
     looked(
-        "a broker that is away is an error",
+        "a broker that is away is an error, and a line whose adapter is gone",
         SSW07,
         "error   broker 127.0.0.1:1883: .*nothing listens there",
-        "1 error",
-        then=["broker down"],
+        "error   line pumps: ",
+        "2 errors",
+        then=["broker down", "line pumps unplug"],
     ),
     looked(
-        "so is one that refuses the gateway's login",
+        "so is a broker that refuses the gateway's login",
         SSW07,
         "error   broker 127.0.0.1:1883: the gateway's login: .*username and password",
         then=[lambda plant: setattr(plant.broker, "refuses", 134)],
@@ -214,32 +186,15 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         files={"alice.password": "hers\n"},
     ),
     looked(
-        "a line whose adapter is gone is an error",
-        SSW07,
-        "error   line pumps: ",
-        then=["line pumps unplug"],
-    ),
-    looked(
-        "another starter than the one configured is an error",
-        SSW07,
-        "error   starter pump: .*SSW-06",
-        sim={"pump": {"family": "ssw06"}},
-    ),
-    looked(
-        "so is another one of the same family than the gateway knows",
-        SSW07 + ALICE,
+        "another starter than the one configured is an error, or than the one of this family that is known",
+        SSW07 + starter("fan", 2, "ssw06") + ALICE,
         "error   starter pump: .*commands would be held",
+        "error   starter fan: .*SSW-07",
         end_s=12.0,
+        sim={"fan": {"family": "ssw07"}},
         then=[with_sql("UPDATE documents SET body = replace(body, '1.40', '1.30')")],
     ),
     looked("a starter that does not answer is an error", SSW07, "error   starter pump: ", absent=("pump",)),
-    looked(
-        "a watchdog that the polls keep quiet is a note, with what it would do",
-        SSW07,
-        r"starter pump: after 30 s without a request .*\(P314\)",
-        code=None,
-        sim={"pump": {"settings": {314: 30, 313: 2}}},
-    ),
     looked(
         "four starters that are set up well are no problem",
         FOUR,
@@ -248,10 +203,11 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         code=None,
     ),
     looked(
-        "a start that its starter would not execute is a problem",
-        SSW07,
-        "starter pump: a start is not executed",
-        sim={"pump": {"settings": {230: 0}}},
+        "settings are judged: a watchdog that the polls keep quiet, a start that is not executed",
+        SSW07 + starter("second", 2, "ssw07"),
+        r"note +starter pump: after 30 s without a request .*\(P314\)",
+        "error   starter second: a start is not executed",
+        sim={"pump": {"settings": {314: 30, 313: 2}}, "second": {"settings": {230: 0}}},
     ),
     looked(
         "a watchdog that the polls do not keep is a problem",
@@ -279,18 +235,20 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         at_s=5.0,
     ),
     row(
-        "what the gateway knows of a silent starter is said",
-        given=SSW07 + ALICE,
+        "what the gateway knows of a silent starter is said, and of one of another family",
+        given=SSW07 + starter("fan", 2, "ssw06") + ALICE,
+        sim={"fan": {"family": "ssw07"}},
         at={3.0: fault("silent", "pump")},
-        then={30.0: cli("doctor CONFIG", code=1, out="starter pump: the gateway says: offline since ")},
-    ),
-    asked(
-        "and of one of another family",
-        SSW07 + ALICE,
-        "",
-        "gateway says: .*it is ssw06, not ssw07",
-        at_s=10.0,
-        sim={"pump": {"family": "ssw06"}},
+        then={
+            30.0: cli(
+                "doctor CONFIG",
+                code=1,
+                out=(
+                    "starter pump: the gateway says: offline since ",
+                    re.compile("starter fan: the gateway says: .*it is ssw07, not ssw06"),
+                ),
+            )
+        },
     ),
     looked(
         "a port that is lost on the way is a problem",
@@ -314,6 +272,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
     ),
 ]
 
+NO_ENTRIES = ("nonsense", "[]")
 AUDIT = [
     row(
         "the audit says who did what, with the result",
@@ -343,43 +302,41 @@ AUDIT = [
         },
     ),
     row(
-        "an entry that was changed breaks the chain",
+        "an entry that was changed breaks the chain; the newest that were cut off only a noted hash shows",
         given=SSW07 + ALICE,
         at={
             3.0: command("pump/alice/start"),
-            6.0: ["end", with_sql("UPDATE audit SET line = replace(line, 'alice', 'mallory')")],
+            6.0: "end",
+            7.0: with_sql("UPDATE audit SET line = replace(line, 'alice', 'mallory')"),
         },
-        then={6.0: cli("audit verify CONFIG", code=1, out=("line 2: was changed", "chain broken"))},
+        then={
+            6.0: _cut_off,
+            7.0: cli("audit verify CONFIG", code=1, out=("line 2: was changed", "chain broken")),
+        },
     ),
     row(
-        "that the newest entries were cut off only a hash that was noted shows",
-        given=SSW07 + ALICE,
-        at={3.0: command("pump/alice/start"), 6.0: "end"},
-        then={6.0: _cut_off},
-    ),
-    *(
-        ended(
-            f"what is no entry is shown as such: {text}",
-            SSW07,
-            cli("audit show CONFIG --last 1", out=f"?  {text!r}\n"),
-            then=[with_sql("INSERT INTO audit (line, upto) VALUES (?, 0)", text)],
-        )
-        for text in ("nonsense", "[]")
-    ),
-    ended(
-        "an empty table is an empty chain",
-        SSW07,
-        cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole"),
-        then=[with_sql("DELETE FROM audit")],
+        "what is no entry is shown as such, and an empty table is an empty chain",
+        given=SSW07,
+        at={
+            3.0: [
+                "end",
+                *(with_sql("INSERT INTO audit (line, upto) VALUES (?, 0)", each) for each in NO_ENTRIES),
+            ],
+            4.0: with_sql("DELETE FROM audit"),
+        },
+        then={
+            3.0: cli("audit show CONFIG --last 2", out=tuple(f"?  {each!r}\n" for each in NO_ENTRIES)),
+            4.0: cli("audit verify DIR/state", out="0 entries from line 1 on, chain whole"),
+        },
     ),
 ]
 
 HISTORY = [
     row(
-        "starts and trips are listed, of one starter or of all",
+        "starts and trips are listed, of one starter or of all, and exported as CSV and COMTRADE",
         given=SSW07 + starter("fan", 2, "ssw06") + ALICE,
         sim={"pump": QUICK},
-        at=TRIPPED,
+        at={**TRIPPED, 9.0: "end"},
         then={
             9.0: [
                 cli(
@@ -390,6 +347,7 @@ HISTORY = [
                     ),
                 ),
                 cli("history CONFIG fan", out="no start and no trip is recorded yet"),
+                cli("history CONFIG fan --csv -", code=1),
                 cli(
                     "history CONFIG",
                     out=(re.compile(r"Z  pump  .* start "), re.compile(r"Z  pump  .* trip ")),
@@ -403,22 +361,12 @@ HISTORY = [
                     code=2,
                     err="there is no record 1-1; without --id they are listed",
                 ),
-            ]
-        },
-    ),
-    row(
-        "the newest trip is exported as CSV and COMTRADE",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at=TRIPPED,
-        then={
-            9.0: [
                 cli(
                     "history CONFIG pump --csv -", out=(re.compile("^t_s,time,"), "current [A]", "fault_code")
                 ),
                 cli("history CONFIG pump --comtrade DIR/trip", out="trip.cfg: trip "),
-                lines_of("trip.cfg", ",2013", "current,,,A", "ASCII"),
-                file_there("trip.dat"),
+                file_has("trip.cfg", ",2013", "current,,,A", "ASCII"),
+                file_has("trip.dat"),
                 _read_by_comtrade("trip", "current"),
                 _curve_of_a_start,
                 cli("history CONFIG pump --csv DIR/none/x.csv", code=1, out="", err="cannot be written"),
@@ -426,17 +374,11 @@ HISTORY = [
             ]
         },
     ),
-    ended(
-        "a starter without records says so",
-        SSW07,
-        cli("history CONFIG pump", out="no start and no trip is recorded yet"),
-        cli("history CONFIG pump --csv -", code=1),
-    ),
     row(
         "the report has identity, starts and trips, in the language asked for, and as a page",
         given=SSW07 + ALICE,
         sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 6.0: "pump trip E05"},
+        at=TRIPPED,
         then={
             12.0: [
                 cli(
@@ -454,7 +396,7 @@ HISTORY = [
                 cli("report CONFIG pump --no-broker", out="Health report: pump"),
                 cli("report CONFIG pump --language es", out="Informe de estado: pump"),
                 cli("report CONFIG pump --html DIR/pump.html", out="pump.html: written"),
-                lines_of("pump.html", "<html", "<svg", "E05", but=("<script",)),
+                file_has("pump.html", "<html", "<svg", "E05", but=("<script",)),
             ]
         },
     ),
@@ -475,7 +417,7 @@ BACKUP = [
                 cli("backup CONFIG CONFIG", code=2, err="is there, and no backup"),
                 cli("restore DIR/b.tar.gz", code=1, out="", err=("already there: ", "--replace", "--to DIR")),
                 cli("restore DIR/b.tar.gz --to DIR/new", out="locked until an operator unlocks them: pump"),
-                file_there("new/state/state.sqlite"),
+                file_has("new/site.toml", 'name = "pump"'),
                 cli("restore CONFIG", code=1, out="", err=("is no whole backup", "take another copy")),
                 cli(
                     "restore DIR/none.tar.gz",
@@ -501,15 +443,14 @@ BACKUP = [
             84.0: command("pump/alice/start"),
         },
         then={
-            81.0: lambda plant: (
-                "" if plant.results()[-1] == "start rejected locked" else str(plant.results())
-            ),
-            83.0: lambda plant: "" if plant.results()[-1] == "unlock confirmed ok" else str(plant.results()),
-            88.0: lambda plant: "" if plant.results()[-1] == "start confirmed ok" else str(plant.results()),
+            81.0: result("start rejected locked"),
+            83.0: result("unlock confirmed ok"),
+            88.0: result("start confirmed ok"),
         },
     ),
 ]
 
+ONLINE = "starters/plant  online  LIVE"
 WATCH = [
     row(
         "watch shows each starter with state, current, fault and the last command",
@@ -517,54 +458,36 @@ WATCH = [
         sim={"pump": QUICK},
         at={3.0: command("pump/alice/start")},
         then={
-            6.0: cli(
-                "watch CONFIG --once",
-                out=(
-                    "starters/plant  online  LIVE",
-                    re.compile("fan .* ready"),
-                    re.compile("pump .* running"),
+            6.0: [
+                cli(
+                    "watch CONFIG --once",
+                    out=(ONLINE, re.compile("fan .* ready"), re.compile("pump .* running")),
                 ),
-            )
+                cli("watch mqtt://127.0.0.1 --once", out=ONLINE),
+            ]
         },
-    ),
-    beside(
-        "a broker's address will do",
-        SSW07,
-        cli("watch mqtt://127.0.0.1 --once", out="starters/plant  online  LIVE"),
-    ),
-    ended(
-        "what is not live is never shown as if it were",
-        SSW07,
-        cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?")),
     ),
     row(
-        "without a broker there is no table",
+        "what is not live is never shown as if it were, and without a broker there is no table",
         given=SSW07,
-        at={3.0: "broker down"},
+        at={3.0: "end", 4.0: "broker down"},
         then={
-            3.5: cli(
-                "watch CONFIG --once", code=1, out="", err="nothing listens there (is the broker running?)"
-            )
+            3.0: cli("watch CONFIG --once", out=("offline (ended by SIGTERM)  NOT LIVE", "unknown?")),
+            4.0: cli("watch CONFIG --once", code=1, out="", err="nothing listens there (is the broker run"),
         },
-    ),
-    ended(
-        "a stop of the gateway would interrupt nothing while no watchdog is shorter",
-        SSW07,
-        cli("check CONFIG --upgrade --json", json={"is_valid": True, "starters/0/watchdog_s": 30.0}),
-        sim={"pump": {"settings": {314: 30}}},
     ),
 ]
 
-
 UPGRADE = [
     beside(
-        "a watchdog that a restart would trip ends with 75, and with what to do",
-        SSW07 + starter("fan", 2, "ssw06"),
+        "a watchdog that a restart would trip ends with 75, also one that is only configured",
+        SSW07 + starter("fan", 2, "ssw06") + starter("mill", 3, "ssw900", watchdog_s=7.0),
         while_it_runs(
             "check CONFIG --upgrade",
             code=75,
             out=(
                 re.compile(r"pump: a restart may leave it .* s at the worst; its watchdog of 5 s is "),
+                "mill: a restart may leave it",
                 "stop these motors first, or make their watchdogs longer",
             ),
         ),
@@ -577,11 +500,6 @@ UPGRADE = [
         sim={"pump": {"settings": {314: 5, 313: 1}}},
     ),
     beside(
-        "one of the configuration counts as well",
-        SSW07 + "watchdog_s = 7.0\n",
-        while_it_runs("check CONFIG --upgrade", code=75, out="pump: a restart may leave it"),
-    ),
-    beside(
         "a restart is safe for a watchdog that is long enough",
         SSW07,
         while_it_runs("check CONFIG --upgrade", out="a restart is safe: no"),
@@ -592,15 +510,9 @@ UPGRADE = [
         "where no gateway runs a short one is interrupted by nothing",
         SSW07,
         cli("check CONFIG --upgrade", out="no gateway runs with this state_dir"),
+        cli("check CONFIG --upgrade --json", json={"is_valid": True, "starters/0/watchdog_s": 5.0}),
         end_s=6.0,
         sim={"pump": {"settings": {314: 5, 313: 1}}},
-    ),
-    ended(
-        "a state of a later version is refused and stays as it is",
-        SSW07,
-        cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
-        cli("check CONFIG --upgrade", code=78, out="", err="state.sqlite has format 9"),
-        then=[with_sql("PRAGMA user_version = 9")],
     ),
 ]
 
@@ -611,30 +523,75 @@ def test_a_tool(row: ScenarioRow) -> None:
 
 
 SECRET = {"mqtt.password": "secret-of-the-broker\n"}
+LOCAL = '[mqtt]\nurl = "mqtt://localhost"\nusername = "plant"\n' + SSW07 + ALICE  # without certificates
+WRONG_OPTIONS = {
+    "two logins have the name": (
+        "--viewer alice",
+        "--viewer prover",
+        "--viewer acl-probe",
+        "--login alice=alice",
+    ),
+    "is no NAME": ("--viewer 'a b'", "--auditor .."),
+    "no [[operator]] carol": ("--login x=carol",),
+    "is no ADDRESS": tuple(f"--host={x}" for x in ("a,DNS:evil", "bröker.plant", "'a b'", "-a", "{gateway}")),
+    "is no NAME=OPERATOR": ("--login x", "--login ..=alice"),
+    "is no HOST": tuple(
+        f"--bridge {x}" for x in ("central:x", "central:65536", "'central evil:8883'", "[::1]:8883")
+    ),
+    "is no BASE": tuple(
+        f"--bridge central --bridge-base {x}" for x in ("a/#", "'a b'", "'a\ntopic # out'", "$share/a")
+    ),
+}
+
+
+def kit(name: str, options: str = "", *, given: str = LOCAL, **said: Any) -> Any:
+    """Return a row of `broker-kit`; where it fails nothing is written."""
+    return line_row(name, f"broker-kit CONFIG DIR/kit {options}", given=given, **said)
+
+
 KIT = [
-    line_row(
+    kit(
         "a kit has a configuration, an access list, passwords and certificates",
-        "broker-kit CONFIG DIR/kit",
         given=NAMED,
         files=SECRET,
         out="kit",
     ),
-    line_row(
+    kit(
         "it is for a login with a name",
-        "broker-kit CONFIG DIR/kit",
         given=SSW07 + ALICE,
         code=78,
         out="",
         err='mqtt.username: is missing: the broker ties topics to it (username = "plant"',
     ),
-    line_row(
+    kit(
         "an update needs a kit",
-        "broker-kit CONFIG DIR/kit --update",
-        given=NAMED,
-        files=SECRET,
+        "--update",
         code=2,
         out="",
         err="kit/kit.json: no kit that can be read: No such file or directory (write one first)",
+    ),
+    kit(
+        "Sparkplug needs a login of its own at this broker",
+        given=LOCAL + table("sparkplug", group="plant"),
+        code=78,
+        err="sparkplug",
+    ),
+    *(
+        kit(
+            f"commands that this clock refuses are said where a bridge has them: {options}",
+            options,
+            given=table("gateway", name="mcc1", clock="untrusted") + LOCAL + 'freshness = "issued_at"\n',
+            out=re.compile(says),
+        )
+        for options, says in (
+            ("--bridge central", "warning operator alice: the commands of this operator need issued_at"),
+            ("--viewer panel", r"\A(?![\s\S]*need issued_at)"),
+        )
+    ),
+    *(
+        kit(f"{options} is refused", options, code=2, out="", err=said)
+        for said, wrong in WRONG_OPTIONS.items()
+        for options in wrong
     ),
 ]
 
@@ -642,3 +599,13 @@ KIT = [
 @pytest.mark.parametrize("row", KIT)
 def test_the_brokers_kit(row: LineRow, tmp_path: Path) -> None:
     play_line(row, tmp_path)
+    assert (tmp_path / "kit").exists() is (row.says.code == 0)
+
+
+def test_a_folder_with_other_things_in_it_gets_no_kit(tmp_path: Path) -> None:
+    (tmp_path / "kit").mkdir()
+    (tmp_path / "kit" / "bank").write_text("precious")
+
+    play_line(kit("", code=2, out="", err="holds no kit, but bank").values[0], tmp_path)
+
+    assert [path.read_text() for path in (tmp_path / "kit").iterdir()] == ["precious"]
