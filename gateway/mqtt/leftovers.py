@@ -4,7 +4,7 @@
    (`gateway/fresh`) comes back: what was stored came before it. Only then is the gateway online.
 2. What this run has not published is cleared: at once where the starter or line is not configured, and values
    of points that a starter no longer has, since a run begins with all its points; an active alarm once its
-   starter was read in this run and did not show it.
+   starter was read in this run and did not show it. Only records of the contract are.
 3. Nothing is cleared while another gateway is there. Its heartbeat shows that, or a status that comes now; a
    stored status may be that of a gateway that died with its broker.
 """
@@ -19,6 +19,7 @@ from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from gateway.contract import (
+    LINE,
     EventCode,
     FreshRecord,
     PublishEvent,
@@ -42,6 +43,15 @@ HEARTBEAT_S = 3.0  # so long a doubtful status waits for its gateway's heartbeat
 SETTLED_S = 3.0  # after a starter's first state: a fault's number is published by then
 QUIET_S = 60.0  # without a sign of the other gateway, before it is reported again
 VALUE, ALARM = "value", "alarm"
+
+_FIELDS = {  # by which a record of the contract is known; whatever else is stored below the base stays
+    "info": {"family", "model", "line", "address", "points", "commands"},
+    "availability": {"state", "since", "reason"},
+    "state": {"state", "quality", "time", "seq"},
+    VALUE: {"value", "unit", "quality", "time", "seq"},
+    ALARM: {"active", "severity", "text", "time", "cleared", "count"},
+    LINE: {"utilisation", "polls", "answered", "silent"},
+}
 
 
 class ReadConnection(Protocol):
@@ -145,11 +155,12 @@ class Leftovers:
 
     def _take_stored(self, incoming: Incoming) -> None:
         found = self._topics.parse_retained(incoming.topic)
-        if found is None:
+        fields = _fields_of(incoming)
+        if found is None or not fields.keys() >= _FIELDS[found.kind]:
             return
         if found.kind == VALUE or not self._is_current(found):
             self._reading.left[incoming.topic] = ""
-        elif found.kind == ALARM and _fields_of(incoming).get("active"):
+        elif found.kind == ALARM and fields["active"]:
             self._reading.left[incoming.topic] = found.name
 
     def _note_sharing(self) -> None:

@@ -37,7 +37,7 @@ def may_use(port: str, state_dir: Path) -> bool:
 def instance_lock(state_dir: Path) -> Iterator[None]:
     """Hold the folder's lock, made if need be; StartError when another process has it, or this user may not.
 
-    Other trouble with the disk (full, read-only, no locks) is logged and prevents nothing: the starters are
+    Other trouble with the disk (full, no locks) is logged and prevents nothing: the starters are
     watched without a lock rather than not at all.
     """
     descriptor = _open(state_dir)
@@ -72,6 +72,8 @@ def _open(state_dir: Path) -> int | None:
         state_dir.mkdir(mode=0o700, parents=True, exist_ok=True)
         return os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
     except OSError as error:
+        if error.errno == errno.EROFS and path.exists():  # what can be read can be locked as well
+            return os.open(path, os.O_RDONLY | os.O_CLOEXEC)
         if error.errno not in _NOT_PERMITTED:
             _do_without(state_dir, error)
             return None

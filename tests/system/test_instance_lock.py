@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 import logging
 import os
 import socket
 from pathlib import Path
+from typing import Any
 
 import pytest
 
@@ -49,6 +51,23 @@ def test_what_this_user_may_not_write_is_reported_with_its_remedy(
 
     with pytest.raises(StartError, match=remedy):
         instance_lock(tmp_path / "state").__enter__()
+
+
+def test_a_disk_that_has_become_read_only_is_locked_all_the_same(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / FILE).touch()
+    real = os.open
+
+    def read_only(path: Any, flags: int, *args: int) -> int:
+        if flags & os.O_RDWR:
+            raise OSError(errno.EROFS, "Read-only file system")
+        return real(path, flags, *args)
+
+    monkeypatch.setattr(os, "open", read_only)
+
+    with instance_lock(tmp_path), pytest.raises(StartError, match="another gateway"):
+        instance_lock(tmp_path).__enter__()
 
 
 def test_a_file_system_without_locks_prevents_nothing(
