@@ -5,16 +5,10 @@ from __future__ import annotations
 from tests import size_page
 
 LARGEST = {  # code lines of a room that is still above its budget: lower them with the room
-    size_page.TOP: 163,
-    "contract": 1064,
-    "families": 2965,
-    "starters": 4829,
-    "mqtt": 1919,
-    "config": 1317,
-    "system": 648,
-    "store": 1516,
-    "plugins": 5124,
-    "cli": 4176,
+    "contract": 1028,
+    "starters": 4555,
+    "store": 1326,
+    "cli": 4029,
 }
 
 

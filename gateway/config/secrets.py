@@ -41,7 +41,7 @@ def secret_of(table: str, config: Config, folder: str | Path, environ: Mapping[s
         return password_in(Path(folder) / file, key=f"{table}.{key}")
     handed_on = Path(environ.get("CREDENTIALS_DIRECTORY") or os.devnull, credential)
     # systemd leaves out a credential that the unit does not load; one that is there must be usable.
-    if handed_on.exists():
+    if os.path.exists(handed_on):
         return _first_line(handed_on, credential)
     return environ.get(VARIABLE) or None if table == "mqtt" else None
 

@@ -24,7 +24,7 @@ from gateway.starters.policy.policy import Policy, lock_restored
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import NO_RULES, PolicySettings, RuleSet
 from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
-from gateway.starters.services.services import serve
+from gateway.starters.services.past_reader import serve
 from gateway.starters.setup import StarterSetup, ask, merged, polls_of
 from gateway.starters.starter import StarterTelemetry
 from gateway.starters.state import REFRESH_S, PublishedFaults, Reading, Readings, Value

@@ -154,7 +154,7 @@ class KnownWatchdogs:
             self._keep(name)
 
     def _keep(self, name: str) -> None:
-        """Have what is known now kept by the starter's line and on the disk."""
+        """Have what is known now held by the starter's line and on the disk."""
         self._document.touch()
         setup, line = self._starters.get(name, _UNKNOWN)
         if setup is not None and line is not None and setup.is_enabled:

@@ -13,7 +13,7 @@ from typing import Any, Protocol
 from gateway.contract import EventCode
 from gateway.families import Profile, decode, reading
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.services.settings import LONGEST_BLOCK
+from gateway.starters.services.settings import EVERY_S, LONGEST_BLOCK, SettingsWatch
 from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.starters.state import Happening, Happenings
 from gateway.system.supervised import SupervisedTask
@@ -132,3 +132,12 @@ def _shown(profile: Profile, code: str, entry: ParameterEntry) -> dict[str, Any]
     if code in profile.alarm_rows and isinstance(entry.value, int) and entry.value:
         shown["alarm"] = decode.alarm_code(profile.alarm_rows[code], entry.value)
     return shown
+
+
+def serve(
+    starter: StarterTelemetry, past: PastListener | None = None, *, monitor_every_s: float = EVERY_S
+) -> None:
+    """Have a starter's settings watched, and what it says of its past read where somebody listens."""
+    starter.services.append(SettingsWatch(starter, every_s=monitor_every_s))
+    if past is not None:
+        starter.services.append(PastReader(starter, past))
