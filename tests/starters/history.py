@@ -58,14 +58,15 @@ class History:
         for result_s, each in self._world.results([name]):
             if (each.verb, each.phase) == ("lock", Phase.CONFIRMED) and result_s + SLACK_S <= at_s:
                 is_locked = True
-            elif (each.verb, each.phase) == ("unlock", Phase.ACCEPTED) and result_s <= at_s:
-                is_locked = False
+            elif each.verb == "unlock" and result_s <= at_s:
+                # An unlocking that was stored before a crash counts, although no result says so.
+                is_locked = is_locked and each.phase is not Phase.ACCEPTED and each.code != "crashed"
         return is_locked
 
     def _stood_for_s(self, name: str, at_s: float) -> float:
         """Return how long the motor had been published as standing still."""
         since_s = None
-        for state_s, record in self._world.sink.of(StateRecord):
+        for state_s, record in self._world.of(StateRecord):
             if record.starter != name or state_s > at_s - SLACK_S:
                 continue
             if record.state in MOVING:

@@ -21,7 +21,7 @@ from tests.rig import (
 )
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, FOUR, QUICK, SST, SSW06, SSW07, SSW900
-from tests.scenarios.commands import do
+from tests.scenarios.commands import LostWrites, do
 
 SITE = SSW07 + ALICE
 FAMILIES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
@@ -36,12 +36,6 @@ def refuses_writes(starter: str, code: int, for_s: float) -> Action:
 
 
 def lose_writes(starter: str) -> Action:
-    """Lose the answers of its writes, not of reads."""
-
-    class LostWrites:
-        def apply(self, reply: Any, dice: Any) -> tuple[Any, ...]:
-            return () if reply.adu[1] in (5, 6, 15, 16) else (reply,)
-
     return lambda plant: plant.do(lambda: plant.line_of(starter).impair(starter, LostWrites()))
 
 
