@@ -50,9 +50,7 @@ class CommandMachine(RuleBasedStateMachine):
         self.world = GatewayWorld()
         self.wait(ONLINE_S + PAUSE_S)
         self.ids = 0
-        self.lawful: dict[
-            tuple[str, str], float
-        ] = {}  # starts: starter and id, until when its frame may go out
+        self.lawful: dict[tuple[str, str], float] = {}  # by starter and id: until when its frame may go out
         self.sent: list[tuple[str, str, str]] = []  # starts: starter, client and id
         self.tokens: list[str] = ["never given"]
         self.held: list[Held] = []  # on a way that stalls

@@ -24,7 +24,7 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action, Expectation, act
-from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, operator, starter, table
+from tests.rig.sites import ALICE, QUICK, SITES, SSW07, SSW900, line, operator, starter, table
 from tests.rig.state import fail_disk, heal_disk, with_document
 from tests.scenarios.commands import do
 from tests.scenarios.line.wires import chatter
@@ -35,7 +35,6 @@ RESET_0, RESET_1 = "05 00 6b 00 00", "05 00 6b ff 00"
 WHOLE = RUN_OFF, JOG_OFF, RESET_0, RESET_1
 READY, RUNS = "pump VB01 = 0x4102", "pump VB01 = 0x5123"
 READS, WRITES = ("01", "02", "03", "04"), ("05", "06", "0f", "10")
-FAMILIES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 TAKEN, NOT_TAKEN = re.compile("so that it cannot start later"), re.compile("did not confirm run = 0")
 
 Answer = int | str | None  # an exception code, `unheard`, `lost`; None: as usual
@@ -47,7 +46,7 @@ def answers(name: str, rule: Rule) -> Action:
 
     def begin(plant: RigPlant) -> None:
         found = plant.starter(name)
-        handle = found.unit.handle
+        own = found._own
 
         def do_these(*actions: Action) -> None:
             for each in actions:
@@ -56,15 +55,11 @@ def answers(name: str, rule: Rule) -> Action:
         def answer(pdu: bytes, now_s: float) -> bytes | None:
             said = rule(pdu.hex(" "), do_these)
             if isinstance(said, int):
-                found.asked.append((plant.world.now_s(), pdu))
                 return bytes((pdu[0] | 0x80, said))
-            if said == "unheard":
-                found.asked.append((plant.world.now_s(), pdu))
-                return None
-            reply = handle(pdu, now_s)
+            reply = None if said == "unheard" else own(pdu, now_s)
             return None if said == "lost" else reply
 
-        found.unit.handle = answer  # type: ignore[method-assign]
+        found._own = answer
 
     return begin
 
@@ -140,7 +135,7 @@ def hindered(
     begin = [answers(starter_name, rule)] if rule else []
     happens = {4.0: [*begin, do(words, **more.pop("args", {}))], **(at or {})}
     end = result(f"{verb} {said}", starter=starter_name)
-    given, until_s = FAMILIES[starter_name] + ALICE, more.pop("until_s", 16.0)
+    given, until_s = SITES[starter_name] + ALICE, more.pop("until_s", 16.0)
     return row(name, **{"given": given, **more}, at=happens, then={until_s: [end, *then]})
 
 
@@ -284,7 +279,7 @@ DECIDED = [
     *(
         hindered(f"a start of {name} outlasts two lost replies in a row", f"{name} start", "confirmed ok",
                  None, sim={name: QUICK}, at={3.99: fault("lose", name, count=2)})
-        for name in FAMILIES
+        for name in SITES
     ),
     hindered("what no two readings in a row agree on is not decided", "mill start",
              "rejected readings_disagree", turning_about(), frames("mill"),
