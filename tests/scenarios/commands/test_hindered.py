@@ -28,6 +28,7 @@ from tests.rig.sites import ALICE, QUICK, SITES, SSW07, SSW900, line, operator, 
 from tests.rig.state import fail_disk, heal_disk, with_document
 from tests.scenarios.commands import do
 from tests.scenarios.line.wires import chatter
+from tests.scenarios.values.words import refuse_rows
 
 SITE = SSW07 + ALICE
 START, RUN_OFF, JOG_OFF = "05 00 64 ff 00", "05 00 64 00 00", "05 00 66 00 00"
@@ -98,22 +99,11 @@ def following(pdu: str, said: Answer, *functions: str, first: int = 10_000) -> R
     return rule
 
 
-def hides(*rows: tuple[str, int]) -> Rule:
-    """Refuse every read, by these function codes, that contains the address; 1: and of any coil after it."""
-
-    def rule(pdu: str, _: object) -> Answer:
-        first, length = (int(part.replace(" ", ""), 16) for part in (pdu[3:8], pdu[-5:]))
-        is_hidden = (
-            pdu[:2] == function and first + length > address and (function == "01" or first <= address)
-            for function, address in rows
-        )
-        return 2 if any(is_hidden) else None
-
-    return rule
-
-
-HIDES_RUN = hides(("01", 100), ("03", 5003))  # coils 100 and above, and VB03
-HIDES_STATUS = hides(("03", 680), ("04", 680))  # S5.1.1
+def hides_run(pdu: str, _: object) -> Answer:
+    """Refuse every read that contains the run command: coil 100 or one above it, or VB03."""
+    first, length = (int(part.replace(" ", ""), 16) for part in (pdu[3:8], pdu[-5:]))
+    end = first + length
+    return 2 if (pdu[:2] == "01" and end > 100) or (pdu[:2] == "03" and first <= 5003 < end) else None
 
 
 def once_written(name: str, pdu: str, action: Action) -> Action:
@@ -155,7 +145,7 @@ CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not 
     hindered("where run = 0 is acknowledged and still reads 1 nothing else is written", "pump reset",
              "failed run_not_cleared", None, frames("pump", RUN_OFF),
              at={2.0: ["pump trip E05", "pump VB03 = 0x0001"]}),
-    reset("where reading run is refused the acknowledgement and a motor at rest suffice", HIDES_RUN,
+    reset("where reading run is refused the acknowledgement and a motor at rest suffice", hides_run,
           "confirmed ok", *WHOLE),
     reset("a reset that is refused has failed", when(RESET_1, 3), "failed illegal_data_value", *WHOLE),
     reset("a motor that somebody starts during a reset is not stopped; it may be turning, says the result",
@@ -345,7 +335,7 @@ STOPS = [
     row(
         "without its status a command word is not known whole: a stop clears its bits alone",
         given=SSW900 + ALICE,
-        at={6.0: answers("mill", HIDES_STATUS), 12.0: do("mill stop")},
+        at={6.0: refuse_rows("mill", {680}), 12.0: do("mill stop")},
         then={12.4: frames("mill", "16 02 ad ff fa 00 00")},
     ),
     row(
