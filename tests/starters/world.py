@@ -43,6 +43,8 @@ class GatewayWorld:
         self.disturbances_s: list[float] = []  # crashes, and the port going away
         self.connected_s = 0.0
         self.disk_s = 0.0  # how long a transaction takes
+        self.unstored: list[tuple[float, float]] = []  # what was said between these was not stored: a crash
+        self._stored_s = 0.0  # when the last transaction that is done began
         self._bus: RecordBus | None = None  # of the gateway of the moment
         self._stack = ExitStack()
         self.plant = RigPlant(SITE, sim=dict.fromkeys(NAMES, QUICK))
@@ -68,8 +70,10 @@ class GatewayWorld:
             self.records.append((self.now_s(), record))
 
     def _await_disk(self) -> None:
+        begun_s = self.now_s()
         if self.disk_s:
             threading.Event().wait(self.disk_s)
+        self._stored_s = begun_s
 
     def close(self) -> None:
         self._stack.close()
@@ -121,6 +125,8 @@ class GatewayWorld:
     def crash(self, *, step_s: float = 0.0) -> None:
         """End the gateway in the middle of whatever it does, and start it again with a clock that was set."""
         self.disturbances_s.append(self.now_s())
+        if self.disk_s:
+            self.unstored.append((self._stored_s, self.now_s()))
         self._bus = None
         self.plant.kill()
         self.step_clock(step_s)
