@@ -51,6 +51,7 @@ SSW06 = line() + starter("fan", 2, "ssw06")
 SSW900 = line() + starter("mill", 3, "ssw900")
 SST = line() + starter("belt", 4, "sst")
 FOUR = SSW07 + starter("fan", 2, "ssw06") + starter("mill", 3, "ssw900") + starter("belt", 4, "sst")
+SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}  # by the starter's name
 ALICE = operator("alice")
 WEB = table("web", listen="127.0.0.1:8480")
 PASSWORD = "right"

@@ -1,14 +1,12 @@
 """Random histories of commands: a start goes out once at most, lawfully; every command has one end.
 
 Commands, repetitions, joined stops, stalled ways, reconnections, losses, crashes, standstills, local starts,
-locks, second instances and clock steps, also between two runs, come over a real dispatcher with a simulated
-line under it, in virtual time. `tests.starters.history` says what must hold.
+locks, slow disks and clock steps, also between two runs, come to a whole gateway over its broker, in virtual
+time. `tests.starters.history` says what must hold.
 """
 
 from __future__ import annotations
 
-import asyncio
-from collections.abc import Coroutine
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,7 +18,6 @@ from gateway.sim.weg.command_sources import P_START_DELAY
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.starters.history import TTL_S, History
 from tests.starters.world import NAMES, PAUSE_S, START_PDU, GatewayWorld
-from tests.virtual_time import VirtualTimeLoop
 
 ONLINE_S = 2.0
 SETTLED_S = 15.0  # a stop has 10 s, a status after a crash as long
@@ -50,34 +47,13 @@ class CommandMachine(RuleBasedStateMachine):
 
     def __init__(self) -> None:
         super().__init__()
-        self.loop = VirtualTimeLoop()
-        self.world: GatewayWorld = self.run(self.begin())
+        self.world = GatewayWorld()
+        self.wait(ONLINE_S + PAUSE_S)
         self.ids = 0
-        self.lawful: dict[
-            tuple[str, str], float
-        ] = {}  # starts: starter and id, until when its frame may go out
+        self.lawful: dict[tuple[str, str], float] = {}  # by starter and id: until when its frame may go out
         self.sent: list[tuple[str, str, str]] = []  # starts: starter, client and id
         self.tokens: list[str] = ["never given"]
         self.held: list[Held] = []  # on a way that stalls
-
-    def run(self, work: Coroutine[Any, Any, Any]) -> Any:
-        return self.loop.run_until_complete(work)
-
-    async def begin(self) -> GatewayWorld:
-        world = GatewayWorld()
-        await asyncio.sleep(ONLINE_S + PAUSE_S)
-        return world
-
-    def do(self, act: Any) -> None:
-        """Do something on the loop, and let what it sets going be begun."""
-
-        async def acting() -> None:
-            outcome = act()
-            if asyncio.iscoroutine(outcome):
-                await outcome
-            await asyncio.sleep(0.001)
-
-        self.run(acting())
 
     def new_id(self) -> str:
         self.ids += 1
@@ -89,26 +65,26 @@ class CommandMachine(RuleBasedStateMachine):
         The sender's clock is right; what the gateway's shows may not be.
         """
         world = self.world
-        now_s = world.clock.now_s()
+        now_s = world.now_s()
         if kind == "token":
             made_s, token = world.token(max(age_s, 0.0))
             return {"token": token}, made_s + TTL_S if made_s >= world.connected_s else NEVER_S
         if kind == "earlier token":
-            return {"token": self.tokens[-1], "boot": world.boot.token}, NEVER_S
+            return {"token": self.tokens[-1], "boot": world.boot()}, NEVER_S
         if kind == "issued":
             is_fresh = -AHEAD_S < age_s < TTL_S and now_s - age_s > world.connected_s
             until_s = now_s - max(age_s, 0.0) + TTL_S
             return {"issued_at": rfc3339(world.true_utc_s() - age_s)}, until_s if is_fresh else NEVER_S
-        return {"boot": world.boot.token} if kind == "boot" else {}, NEVER_S
+        return {"boot": world.boot()} if kind == "boot" else {}, NEVER_S
 
     @rule(starter=starters, client=clients, kind=proofs, age_s=st.floats(-4, 8), retained=flips)
     def start_somehow(self, starter: str, client: str, kind: str, age_s: float, retained: bool) -> None:
         id_, (proof, until_s) = self.new_id(), self.proof(kind, age_s)
         may = client == "alice" or (client == "bob" and starter == "a")
-        if until_s >= self.world.clock.now_s() and may and not retained:
+        if until_s >= self.world.now_s() and may and not retained:
             self.lawful[starter, id_] = until_s
         self.sent.append((starter, client, id_))
-        self.do(lambda: self.world.publish(starter, client, "start", id=id_, is_retained=retained, **proof))
+        self.world.publish(starter, client, "start", id=id_, retained=retained, **proof)
 
     @rule(starter=starters, seconds=waits)
     def start(self, starter: str, seconds: float) -> None:
@@ -144,10 +120,10 @@ class CommandMachine(RuleBasedStateMachine):
         if seconds < SUSPEND_LIMIT_S:
             self.lawful[starter, id_] = until_s
         self.sent.append((starter, "alice", id_))
-        boot, token = self.world.boot.token, self.world.token()[1]
-        self.run(self.world.stand_still(seconds))
-        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **proof))
-        if self.world.boot.token != boot:
+        boot, token = self.world.boot(), self.world.token()[1]
+        self.world.stand_still(seconds)
+        self.world.publish(starter, "alice", "start", id=id_, **proof)
+        if self.world.boot() != boot:
             self.tokens.append(token)
         self.wait(0.3)
 
@@ -155,13 +131,13 @@ class CommandMachine(RuleBasedStateMachine):
     def start_another_device_in_its_place(self, starter: str, seconds: float) -> None:
         """Swap after a silence: an SSW-06, whose coil 100 means run too, gets no start from an SSW-07's."""
         self.bring_to_rest(starter)
-        other = self.run(self.world.swap(starter))
+        other = self.world.swap(starter)
         self.wait(seconds)
         id_, (proof, _) = self.new_id(), self.proof("token", 0.0)
         self.sent.append((starter, "alice", id_))
-        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **proof))
+        self.world.publish(starter, "alice", "start", id=id_, **proof)
         self.wait(seconds)
-        self.run(self.world.swap_back(starter, other))
+        self.world.swap_back(starter, other)
         assert START_PDU not in [write.pdu for write in other.writes]
         assert not other.motor.is_turning
 
@@ -169,10 +145,8 @@ class CommandMachine(RuleBasedStateMachine):
     def send_a_start_into_a_way_that_stalls(self, starter: str, kind: str) -> None:
         """Whatever comes until it arrives happens meanwhile."""
         proof, until_s = self.proof(kind, 0.0)
-        made_s = self.world.clock.now_s()
-        self.held.append(
-            Held(starter, self.new_id(), {"boot": self.world.boot.token, **proof}, until_s, made_s)
-        )
+        made_s = self.world.now_s()
+        self.held.append(Held(starter, self.new_id(), {"boot": self.world.boot(), **proof}, until_s, made_s))
 
     @precondition(lambda self: self.held)
     @rule(seconds=stalls)
@@ -187,15 +161,10 @@ class CommandMachine(RuleBasedStateMachine):
         world, held = self.world, self.held
         self.held = []
         for each in held:
-            if each.until_s >= world.clock.now_s() and each.made_s >= world.connected_s:
+            if each.until_s >= world.now_s() and each.made_s >= world.connected_s:
                 self.lawful[each.starter, each.id] = each.until_s
             self.sent.append((each.starter, "alice", each.id))
-            self.do(lambda e=each: world.publish(e.starter, "alice", "start", id=e.id, **e.proof))
-
-    @rule()
-    def start_a_second_instance(self) -> None:
-        """Run the same configuration once more: it ends at once, and the first one goes on."""
-        assert "another gateway" in self.world.second_instance_error()
+            world.publish(each.starter, "alice", "start", id=each.id, **each.proof)
 
     @rule(starter=starters, client=clients, seconds=st.floats(0.0, 0.6), is_started=st.booleans())
     def stop_again_while_it_is_being_stopped(
@@ -204,7 +173,7 @@ class CommandMachine(RuleBasedStateMachine):
         self.stop(starter, "alice")
         self.wait(seconds)
         if is_started:
-            self.do(lambda: self.world.operate_locally(starter, is_start=True))
+            self.world.operate_locally(starter, is_start=True)
         self.stop(starter, client)
 
     @rule(starter=starters, seconds=st.sampled_from([1.0, 3.0]))
@@ -241,7 +210,7 @@ class CommandMachine(RuleBasedStateMachine):
         if state == "ready":  # a start of what runs is unlawful in any case
             self.lawful[starter, id_] = until_s
         body = {**proof, "expect": {"state": state}}
-        self.do(lambda: self.world.publish(starter, "alice", "start", id=id_, **body))
+        self.world.publish(starter, "alice", "start", id=id_, **body)
 
     @precondition(lambda self: self.sent)
     @rule(data=st.data())
@@ -253,7 +222,7 @@ class CommandMachine(RuleBasedStateMachine):
         proof, until_s = self.proof("token", 0.0)
         if not self.was_taken(client, id_):  # else it is the first one's time that counts
             self.lawful[starter, id_] = until_s
-        self.do(lambda: self.world.publish(starter, client, "start", id=id_, **proof))
+        self.world.publish(starter, client, "start", id=id_, **proof)
 
     def was_taken(self, client: str, id_: str) -> bool:
         return any(
@@ -264,17 +233,17 @@ class CommandMachine(RuleBasedStateMachine):
     @rule(starter=st.sampled_from([*NAMES, "both"]), client=clients)
     def stop(self, starter: str, client: str) -> None:
         id_ = self.new_id()
-        self.do(lambda: self.world.publish(starter, client, "stop", id=id_))
+        self.world.publish(starter, client, "stop", id=id_)
 
     @rule(starter=starters, is_locked=st.sampled_from([False, False, True]))
     def lock(self, starter: str, is_locked: bool) -> None:
         verb, (proof, _) = "lock" if is_locked else "unlock", self.proof("token", 0.0)
         body = {"id": self.new_id(), **proof, "args": {"reason": "belt"}}
-        self.do(lambda: self.world.publish(starter, "alice", verb, **body))
+        self.world.publish(starter, "alice", verb, **body)
 
     @rule(seconds=waits)
     def wait(self, seconds: float) -> None:
-        self.run(asyncio.sleep(seconds))
+        self.world.wait(seconds)
 
     def bring_to_rest(self, starter: str) -> None:
         """Make it likely that nothing but what is being tried stands in the way of a start."""
@@ -284,12 +253,11 @@ class CommandMachine(RuleBasedStateMachine):
 
     def reconnect(self) -> None:
         self.tokens.append(self.world.token()[1])
-        self.do(self.world.boot.disconnected)
-        self.do(self.world.connect)
+        self.world.reconnect()
 
     def crash(self, *, step_s: float = 0.0) -> None:
         self.tokens.append(self.world.token()[1])
-        self.do(lambda: self.world.crash(step_s=step_s))
+        self.world.crash(step_s=step_s)
 
     @rule(starter=starters)
     def crash_and_start(self, starter: str) -> None:
@@ -308,9 +276,9 @@ class CommandMachine(RuleBasedStateMachine):
     @rule(starter=starters)
     def start_on_a_slow_disk(self, starter: str) -> None:
         self.bring_to_rest(starter)
-        self.world.journal.disk_s = TTL_S + 1.0
+        self.world.disk_s = TTL_S + 1.0
         self.start(starter, TTL_S + 2.0)
-        self.world.journal.disk_s = 0.0
+        self.world.disk_s = 0.0
 
     @rule(starter=starters, step_s=st.sampled_from([-20.0, 20.0]), is_between_runs=st.booleans())
     def start_late_by_a_clock_that_was_set(self, starter: str, step_s: float, is_between_runs: bool) -> None:
@@ -320,7 +288,7 @@ class CommandMachine(RuleBasedStateMachine):
             self.crash(step_s=step_s)
             self.wait(ONLINE_S + PAUSE_S)
         else:
-            self.world.clock.epoch_s += step_s
+            self.world.step_clock(step_s)
             self.wait(0.3)
         self.start_somehow(starter, "alice", "issued", 20.0, retained=False)
         self.wait(0.3)
@@ -345,32 +313,34 @@ class CommandMachine(RuleBasedStateMachine):
                 if data.draw(st.booleans()):
                     self.crash(step_s=step_s)  # it is set between two runs
                 else:
-                    world.clock.epoch_s += step_s
+                    world.step_clock(step_s)
             case "clock is put right":
-                self.do(world.put_clock_right)
+                world.put_clock_right()
             case "answers":
                 kind = data.draw(st.sampled_from(["none", "writes", "all"]))
-                self.do(lambda: world.impair(starter, kind))
+                world.impair(starter, kind)
             case "line":
-                self.do(lambda: world.plug(is_plugged=not world.is_plugged))
+                world.plug(is_plugged=not world.is_plugged)
             case "disk":
-                world.journal.disk_s = data.draw(st.sampled_from([0.0, 0.0, 0.0, 0.3, 6.0]))
+                world.disk_s = data.draw(st.sampled_from([0.0, 0.0, 0.0, 0.3, 6.0]))
             case "people":
                 is_start = data.draw(st.booleans())
-                self.do(lambda: world.operate_locally(starter, is_start=is_start))
+                world.operate_locally(starter, is_start=is_start)
             case _:
                 self.crash()
 
     def teardown(self) -> None:
-        self.deliver()
-        self.run(self.settle())
-        History(self.world, self.lawful).check()
-        self.run(self.world.close())
-        self.loop.close()
+        try:
+            self.deliver()
+            self.settle()
+            History(self.world, self.lawful).check()
+        finally:
+            self.world.close()
 
-    async def settle(self) -> None:
+    def settle(self) -> None:
+        self.world.disk_s = 0.0
         for name in NAMES:
             self.world.impair(name, "none")
         if not self.world.is_plugged:
             self.world.plug(is_plugged=True)
-        await asyncio.sleep(SETTLED_S)
+        self.wait(SETTLED_S)

@@ -3,10 +3,19 @@
 from __future__ import annotations
 
 from datetime import UTC, datetime, timedelta
+from random import Random
 from typing import Any
 
+from gateway.sim.bus.faults import Reply
 from tests.rig import RigPlant, command
 from tests.rig.rows import Action
+
+
+class LostWrites:
+    """An impairment: writes act, but their answers are lost."""
+
+    def apply(self, reply: Reply, dice: Random) -> tuple[Reply, ...]:
+        return () if reply.adu[1] in (5, 6, 15, 16) else (reply,)
 
 
 def do(path: str, **args: Any) -> Action:

@@ -24,10 +24,11 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action, Expectation, act
-from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, operator, starter, table
+from tests.rig.sites import ALICE, QUICK, SITES, SSW07, SSW900, line, operator, starter, table
 from tests.rig.state import fail_disk, heal_disk, with_document
 from tests.scenarios.commands import do
 from tests.scenarios.line.wires import chatter
+from tests.scenarios.values.words import refuse_rows
 
 SITE = SSW07 + ALICE
 START, RUN_OFF, JOG_OFF = "05 00 64 ff 00", "05 00 64 00 00", "05 00 66 00 00"
@@ -35,7 +36,6 @@ RESET_0, RESET_1 = "05 00 6b 00 00", "05 00 6b ff 00"
 WHOLE = RUN_OFF, JOG_OFF, RESET_0, RESET_1
 READY, RUNS = "pump VB01 = 0x4102", "pump VB01 = 0x5123"
 READS, WRITES = ("01", "02", "03", "04"), ("05", "06", "0f", "10")
-FAMILIES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 TAKEN, NOT_TAKEN = re.compile("so that it cannot start later"), re.compile("did not confirm run = 0")
 
 Answer = int | str | None  # an exception code, `unheard`, `lost`; None: as usual
@@ -47,7 +47,7 @@ def answers(name: str, rule: Rule) -> Action:
 
     def begin(plant: RigPlant) -> None:
         found = plant.starter(name)
-        handle = found.unit.handle
+        own = found._own
 
         def do_these(*actions: Action) -> None:
             for each in actions:
@@ -56,15 +56,11 @@ def answers(name: str, rule: Rule) -> Action:
         def answer(pdu: bytes, now_s: float) -> bytes | None:
             said = rule(pdu.hex(" "), do_these)
             if isinstance(said, int):
-                found.asked.append((plant.world.now_s(), pdu))
                 return bytes((pdu[0] | 0x80, said))
-            if said == "unheard":
-                found.asked.append((plant.world.now_s(), pdu))
-                return None
-            reply = handle(pdu, now_s)
+            reply = None if said == "unheard" else own(pdu, now_s)
             return None if said == "lost" else reply
 
-        found.unit.handle = answer  # type: ignore[method-assign]
+        found._own = answer
 
     return begin
 
@@ -103,22 +99,11 @@ def following(pdu: str, said: Answer, *functions: str, first: int = 10_000) -> R
     return rule
 
 
-def hides(*rows: tuple[str, int]) -> Rule:
-    """Refuse every read, by these function codes, that contains the address; 1: and of any coil after it."""
-
-    def rule(pdu: str, _: object) -> Answer:
-        first, length = (int(part.replace(" ", ""), 16) for part in (pdu[3:8], pdu[-5:]))
-        is_hidden = (
-            pdu[:2] == function and first + length > address and (function == "01" or first <= address)
-            for function, address in rows
-        )
-        return 2 if any(is_hidden) else None
-
-    return rule
-
-
-HIDES_RUN = hides(("01", 100), ("03", 5003))  # coils 100 and above, and VB03
-HIDES_STATUS = hides(("03", 680), ("04", 680))  # S5.1.1
+def hides_run(pdu: str, _: object) -> Answer:
+    """Refuse every read that contains the run command: coil 100 or one above it, or VB03."""
+    first, length = (int(part.replace(" ", ""), 16) for part in (pdu[3:8], pdu[-5:]))
+    end = first + length
+    return 2 if (pdu[:2] == "01" and end > 100) or (pdu[:2] == "03" and first <= 5003 < end) else None
 
 
 def once_written(name: str, pdu: str, action: Action) -> Action:
@@ -140,7 +125,7 @@ def hindered(
     begin = [answers(starter_name, rule)] if rule else []
     happens = {4.0: [*begin, do(words, **more.pop("args", {}))], **(at or {})}
     end = result(f"{verb} {said}", starter=starter_name)
-    given, until_s = FAMILIES[starter_name] + ALICE, more.pop("until_s", 16.0)
+    given, until_s = SITES[starter_name] + ALICE, more.pop("until_s", 16.0)
     return row(name, **{"given": given, **more}, at=happens, then={until_s: [end, *then]})
 
 
@@ -160,7 +145,7 @@ CLEARED = [  # S1: run = 0 before all else, and nothing after it when it is not 
     hindered("where run = 0 is acknowledged and still reads 1 nothing else is written", "pump reset",
              "failed run_not_cleared", None, frames("pump", RUN_OFF),
              at={2.0: ["pump trip E05", "pump VB03 = 0x0001"]}),
-    reset("where reading run is refused the acknowledgement and a motor at rest suffice", HIDES_RUN,
+    reset("where reading run is refused the acknowledgement and a motor at rest suffice", hides_run,
           "confirmed ok", *WHOLE),
     reset("a reset that is refused has failed", when(RESET_1, 3), "failed illegal_data_value", *WHOLE),
     reset("a motor that somebody starts during a reset is not stopped; it may be turning, says the result",
@@ -284,7 +269,7 @@ DECIDED = [
     *(
         hindered(f"a start of {name} outlasts two lost replies in a row", f"{name} start", "confirmed ok",
                  None, sim={name: QUICK}, at={3.99: fault("lose", name, count=2)})
-        for name in FAMILIES
+        for name in SITES
     ),
     hindered("what no two readings in a row agree on is not decided", "mill start",
              "rejected readings_disagree", turning_about(), frames("mill"),
@@ -350,7 +335,7 @@ STOPS = [
     row(
         "without its status a command word is not known whole: a stop clears its bits alone",
         given=SSW900 + ALICE,
-        at={6.0: answers("mill", HIDES_STATUS), 12.0: do("mill stop")},
+        at={6.0: refuse_rows("mill", {680}), 12.0: do("mill stop")},
         then={12.4: frames("mill", "16 02 ad ff fa 00 00")},
     ),
     row(

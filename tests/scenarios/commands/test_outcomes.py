@@ -20,11 +20,10 @@ from tests.rig import (
     seen,
 )
 from tests.rig.rows import Action, Expectation
-from tests.rig.sites import ALICE, FOUR, QUICK, SST, SSW06, SSW07, SSW900
-from tests.scenarios.commands import do
+from tests.rig.sites import ALICE, FOUR, QUICK, SITES, SSW07
+from tests.scenarios.commands import LostWrites, do
 
 SITE = SSW07 + ALICE
-FAMILIES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 SIM = {"pump": QUICK}
 START, RUN_OFF, JOG_OFF = "05 00 64 ff 00", "05 00 64 00 00", "05 00 66 00 00"
 READY = "VB01 = 0x4102"
@@ -36,12 +35,6 @@ def refuses_writes(starter: str, code: int, for_s: float) -> Action:
 
 
 def lose_writes(starter: str) -> Action:
-    """Lose the answers of its writes, not of reads."""
-
-    class LostWrites:
-        def apply(self, reply: Any, dice: Any) -> tuple[Any, ...]:
-            return () if reply.adu[1] in (5, 6, 15, 16) else (reply,)
-
     return lambda plant: plant.do(lambda: plant.line_of(starter).impair(starter, LostWrites()))
 
 
@@ -53,7 +46,7 @@ def ends(
     name: str, words: str, said: str, *then: Expectation, at: dict[float, Any] | None = None, **more: Any
 ) -> Any:
     """`words` is sent at 3 s, with what else happens then; its result at 10 s is as said."""
-    options = {"given": FAMILIES[words.split()[0]] + ALICE, "until_s": 10.0, "args": {}, "sim": {}, **more}
+    options = {"given": SITES[words.split()[0]] + ALICE, "until_s": 10.0, "args": {}, "sim": {}, **more}
     given, until_s, args = (options.pop(each) for each in ("given", "until_s", "args"))
     happens = {**(at or {})}
     happens[3.0] = [*happens.pop(3.0, ()), do(words, **args)]
@@ -74,13 +67,13 @@ ONCE = [
         ends(f"a start of {name} whose answer is lost is written once, and confirmed by the readings",
              f"{name} start", "confirmed ok", written(name, 1), at={3.0: [lose_writes(name)]},
              sim={name: QUICK})
-        for name in FAMILIES
+        for name in SITES
     ),
     row(
         "without a command nothing is written, at no beginning, no end and no return of the line",
         given=FOUR + ALICE,
         at={20.0: "line pumps unplug", 30.0: "line pumps plug", 60.0: "restart", 80.0: ["kill", "start"]},
-        then={100.0: [frames(name) for name in FAMILIES]},
+        then={100.0: [frames(name) for name in SITES]},
     ),
     ends("after a start that nothing answers the motor may be turning", "pump start", "unconfirmed not_seen",
          says("may be turning"), STARTED, msg("starter/pump/state", state="running"), sim=SIM, until_s=40.0,

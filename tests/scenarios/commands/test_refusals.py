@@ -16,10 +16,8 @@ from tests.rig import (
     row,
 )
 from tests.rig.rows import Action
-from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900, line, starter
+from tests.rig.sites import ALICE, QUICK, SITES, SSW07, line, starter
 from tests.scenarios.commands import do
-
-SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 
 
 def by_the_readings(

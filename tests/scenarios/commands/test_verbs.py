@@ -9,10 +9,9 @@ import pytest
 
 from tests.rig import ScenarioRow, clean_line, event, frames, msg, play, result, results, row, seen
 from tests.rig.rows import Action, Expectation
-from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
+from tests.rig.sites import ALICE, QUICK, SITES, SSW07
 from tests.scenarios.commands import confirmed, do
 
-SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 SERIAL = 7  # the simulator's number of an output's function "Serial", which the manuals do not print
 
 

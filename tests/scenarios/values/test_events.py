@@ -9,7 +9,7 @@ import pytest
 
 from tests.rig import ScenarioRow, command, msg, never, play, result, retained, row, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
+from tests.rig.sites import ALICE, QUICK, SITES, SSW06, SSW07, SSW900
 
 
 def of(starter: str, code: str, **fields: Any) -> Expectation:
@@ -105,16 +105,11 @@ TRIPS = [
     ),
 ]
 
-TRIPPED_BY = {
-    "pump": (SSW07, "E05"),
-    "fan": (SSW06, "E05"),
-    "mill": (SSW900, "F005"),
-    "belt": (SST, "COIL12"),
-}
+TRIPPED_BY = {"pump": "E05", "fan": "E05", "mill": "F005", "belt": "COIL12"}
 TRIPS += [
     row(
         f"the fault of a motor that was running is reset without starting it ({name})",
-        given=site + ALICE,
+        given=SITES[name] + ALICE,
         sim={name: QUICK},
         at={
             3: command(f"{name}/alice/configure" if name == "belt" else f"{name}/alice/stop"),
@@ -135,15 +130,14 @@ TRIPS += [
             ],
         },
     )
-    for name, (site, number) in TRIPPED_BY.items()
+    for name, number in TRIPPED_BY.items()
 ]
 
 BY_FAMILY = [  # the words of a running motor, those of its trip, and the alarms that these are
-    (SSW07, "pump VB01 = 0x5123", "pump VB01 = 0x8000, pump P014 = 42", {"e42": "E42.*not in the manual"}),
-    (SSW06, "fan VB01 = 0x5123", "fan VB01 = 0x8002", {"fault": ""}),  # it gives no number
-    (SSW900, "mill S5.1.1 = 0x0163", "mill S5.1.1 = 0x8102, mill D1.1.1 = 128", {"f128": "timeout"}),
-    (
-        SST,  # its errors are coils
+    ("pump VB01 = 0x5123", "pump VB01 = 0x8000, pump P014 = 42", {"e42": "E42.*not in the manual"}),
+    ("fan VB01 = 0x5123", "fan VB01 = 0x8002", {"fault": ""}),  # it gives no number
+    ("mill S5.1.1 = 0x0163", "mill S5.1.1 = 0x8102, mill D1.1.1 = 128", {"f128": "timeout"}),
+    (  # its errors are coils
         "belt R19 = 2",
         "belt COIL9 = 1, belt COIL12 = 1, belt COIL17 = 1, belt R19 = 0",
         {"coil12": "Overcurrent", "coil17": "Phase loss"},
@@ -152,7 +146,7 @@ BY_FAMILY = [  # the words of a running motor, those of its trip, and the alarms
 TRIPS += [
     row(
         f"{words}: its alarms, and one event",
-        given=site,
+        given=SITES[words.split()[0]],
         at={0: running, 5: words.split(", ")},
         then={
             8: [
@@ -164,7 +158,7 @@ TRIPS += [
             ]
         },
     )
-    for site, running, words, alarms in BY_FAMILY
+    for running, words, alarms in BY_FAMILY
 ]
 
 ALARMS = [

@@ -11,11 +11,10 @@ import pytest
 
 from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row
 from tests.rig.rows import Expectation
-from tests.rig.sites import SST, SSW06, SSW07, SSW900, starter
+from tests.rig.sites import SITES, SSW07, SSW900, starter
 from tests.scenarios.values.words import answers, refuse_rows
 
 PUMP = "starter/pump/"
-SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 
 
 def _every_value_is(quality: str, name: str = "pump") -> Expectation:

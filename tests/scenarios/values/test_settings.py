@@ -161,12 +161,6 @@ ROWS = [
         at={0: refuse_rows("pump", {277, 278})},
         then={1500: _not_asked("pump", b"\x03\x01\x15", since=900)},
     ),
-    row(
-        "nothing is written to a starter without a command, whatever happens to the line",
-        given=FOUR,
-        at={60: "line pumps unplug", 70: "line pumps plug", 120: "restart"},
-        then={150: lambda plant: "".join(nothing_written(name)(plant) for name in NAMES)},
-    ),
 ]
 
 

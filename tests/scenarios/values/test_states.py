@@ -5,9 +5,8 @@ from __future__ import annotations
 import pytest
 
 from tests.rig import msg, play, row
-from tests.rig.sites import SST, SSW06, SSW07, SSW900
+from tests.rig.sites import SITES
 
-SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}
 SST_READY = "R19 = 0, COIL5 = 1, COIL26 = 1, COIL9 = 0"
 
 WORDS = [  # starter, its words, the state, booleans of it
