@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+from typing import Any
 
 from gateway.modbus.adu import decode, encode
 from gateway.modbus.pdu import Request
@@ -28,6 +29,12 @@ class Talk:
 
     def pdu(self, request: Request) -> bytes | None:
         return self.unit.handle(request.encode(), self.now_s)
+
+    def ask(self, request: Request) -> Any:
+        """Return the decoded answer; fails on an exception or silence."""
+        reply = self.pdu(request)
+        assert reply is not None, "silence"
+        return request.decode_reply(reply)
 
     def frame(self, hex_text: str) -> str | None:
         """Send a whole frame and return the reply frame, in the manuals' way of writing."""
