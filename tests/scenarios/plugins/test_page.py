@@ -538,10 +538,10 @@ def test_a_stream_brings_a_snapshot_then_changes_and_beats_and_a_snapshot_after_
         plant.run(until=25.0)
         events = of_all.events
         records = [
-            {each["topic"] for data in datas for each in data.get("messages", ())}
+            {each["topic"] for data in bodies for each in data.get("messages", ())}
             & {"result/pump/alice", "starter/pump/trip"}
             for stream in (of_all, of_one)
-            for datas in ([stream.events[0][1]], [data for _, data in stream.events[1:]])
+            for bodies in ([stream.events[0][1]], [data for _, data in stream.events[1:]])
         ]
         plant.reload(SSW07 + WEB)
         plant.run(until=28.0)
