@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import errno
+import fcntl
 import os
 import random
 import sqlite3
@@ -161,6 +163,19 @@ def test_what_is_urgent_is_done_before_a_backlog_and_interrupts_a_batch(keeping:
 
 
 # A disk that is full.
+
+
+def test_a_reserve_is_held_where_the_c_library_has_to_write_it_itself(
+    keeping: Make, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def emulated(descriptor: int, at: int, count: int) -> None:
+        if fcntl.fcntl(descriptor, fcntl.F_GETFL) & os.O_APPEND:  # [posix_fallocate(3)], without the kernel's
+            raise OSError(errno.EBADF, "Bad file descriptor")
+        os.pwrite(descriptor, bytes(count), at)
+
+    monkeypatch.setattr(os, "posix_fallocate", emulated)
+
+    assert keeping().do(texts) == []
 
 
 def test_on_a_full_disk_only_deleting_goes_on_until_the_reserve_is_back(

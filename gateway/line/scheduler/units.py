@@ -118,7 +118,7 @@ class Unit(Queued):
         return max(self.answered_s, now_s - LATE_FOR_S) < self.late_s
 
     def expect_silence(self, until_s: float) -> None:
-        """Take it for one that restarts, not for an offline one, when it does not answer until then."""
+        """Take a unit that does not answer until then for a restarting one, not for an offline one."""
         self.forgiven_until_s = max(self.forgiven_until_s, until_s)
 
     def news(self) -> bool | None:

@@ -94,7 +94,7 @@ class Backlog:
     # A row comes, is released, sent, and gone.
 
     def put(self, row: OutboxRow) -> None:
-        """Take a row, or release the one that was staged; what is too much goes, the oldest values first."""
+        """Take a row, or release the one that was staged; of too many the oldest values go first."""
         staged = self._staged.pop((row.key, row.payload), None)
         if staged is not None:
             self.release(staged)

@@ -40,7 +40,7 @@ function newId() {
   return `web-${Array.from(bytes, (byte) => byte.toString(16).padStart(2, "0")).join("")}`;
 }
 
-/** Gives a command and returns its phases; the last one is final, or it is not known what became of it. */
+/** Gives a command and returns its phases; the last one is final, or its outcome is unknown. */
 export async function command(starter, verb, { args = {}, expect, select } = {}) {
   const body = verb === "stop" ? {} : { id: newId(), token: store.token, ttl_s: 10, args };
   if (expect) body.expect = expect;

@@ -18,7 +18,7 @@ export const store = {
   messages: [],
   actions: null,
   scope: null,
-  receivedAt: null, // by this browser's clocks: the one that people set, and the one that only runs
+  receivedAt: null, // by this browser's clocks: its wall clock, and its steady clock
   aheadMs: 0, // how far the gateway's clock is ahead of it
   isBroken: true,
   ages: new Map(), // of the last reply of each starter, in seconds, when they came
@@ -37,7 +37,7 @@ export const store = {
   isLive() {
     return !this.isBroken && this.silentS() * 1000 < LIVE_MS && this.topic("gateway/status") !== null;
   },
-  /** Seconds since the last event, infinite before the first: one clock may be set back, the other stands while a laptop sleeps. */
+  /** Seconds since the last event, infinite before the first: the wall clock may be set back, the steady one halts while a laptop sleeps. */
   silentS() {
     return this.receivedAt ? elapsedMs(this.receivedAt) / 1000 : Infinity;
   },
@@ -173,7 +173,7 @@ function takeChange(data) {
 
 let source = null;
 
-/** Begins the stream anew, of one starter in full where `scope` names one; null: the overview's. */
+/** Restarts the stream: of one starter in full where `scope` names it; null: of the overview. */
 export function connect(scope = store.scope) {
   disconnect();
   store.scope = scope;
