@@ -82,12 +82,11 @@ class StarterState(NamedTuple):
         times = self.times
         return {name: new for name, new in points.items() if name not in times or times[name].at_s <= at_s}
 
-    @property
-    def is_awaiting(self) -> bool:
-        """Return whether something that has changed needs a second reading, or a trip its number."""
-        trip = self.trip
+    def is_awaiting(self, points: Points) -> bool:
+        """Return whether a change gets its second reading by these points, or a trip needs its number."""
+        trip, waiting = self.trip, self.settled.waiting
         is_open = trip is not None and (not trip.is_published or trip.number is None)
-        return bool(self.settled.waiting) or is_open
+        return is_open or STATE in waiting or not waiting.keys().isdisjoint(points)
 
     @property
     def due_s(self) -> float:
@@ -140,7 +139,7 @@ def advance(before: StarterState, news: NewReadings, profile: Profile) -> tuple[
             earlier = (*earlier[1 - SETS_BEFORE :], EarlierPoints(news.read.at_s, before.points))
     merged, is_decisive = _merged(before.points, {**news.doubts, **points} if news.doubts else points)
     after = before._replace(points=merged, times=times, newest_s=newest_s, earlier=earlier)
-    return _judged(after, news, profile) if is_decisive or before.is_awaiting else (after, ())
+    return _judged(after, news, profile) if is_decisive or before.is_awaiting(points) else (after, ())
 
 
 def _merged(before: Points, new: Points) -> tuple[Points, bool]:
