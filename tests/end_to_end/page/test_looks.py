@@ -76,7 +76,7 @@ def many(count: int) -> str:
 
 
 async def test_247_starters_are_no_trouble(start_mosquitto: StartMosquitto, tmp_path: Path) -> None:
-    # The listener is slower than 9000 messages in a second; by default Mosquitto drops what waits for it beyond 1000.
+    # The listener is slower than 9000 messages a second, and Mosquitto drops what waits beyond 1000.
     broker = start_mosquitto(options=["max_queued_messages 0"])
     plan = page_plant(broker, tmp_path, starters=many(247), names=("m1", "m2"))
     async with plan as plant, browser() as chromium:
