@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from gateway.contract import ReadingTable, TripRecord
-from gateway.plugins.history.ring import ReadingRing
+from gateway.plugins.history.ring import BEFORE_S, ReadingRing
 from gateway.plugins.history.trips import MOST_BYTES, fitted
 
 
@@ -18,6 +18,14 @@ def filled(every_s: float, until_s: float, **points: object) -> ReadingRing:
         at_s = count * every_s
         ring.note({n: v(at_s) if callable(v) else v for n, v in points.items()}, at_s=at_s)
     return ring
+
+
+def test_a_ring_of_seldom_readings_keeps_little_that_is_older_than_a_minute() -> None:
+    ring = filled(4.0, 900.0, current=lambda at_s: at_s)
+
+    table = ring.around(900.0, before_s=900.0)
+
+    assert -4 * BEFORE_S < table.t_s[0] < -BEFORE_S
 
 
 def test_a_table_has_what_was_read_in_the_minute_before_a_moment() -> None:

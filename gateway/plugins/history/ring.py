@@ -2,7 +2,8 @@
 
 Each point has a list of times and one of values. A value that does not change has two entries, the first and
 the latest reading of it. A point with `MOST` entries gives up every other one of its older half: near the
-present nothing is missing, and at four readings a second a minute is there. Times are on the steady clock.
+present nothing is missing, and at four readings a second a minute is there. A point that is read seldom
+gives up what is older than a minute, `FEW` entries at a time. Times are on the steady clock.
 """
 
 from __future__ import annotations
@@ -17,6 +18,7 @@ from gateway.contract import ReadingTable
 
 BEFORE_S = 60.0  # what a table shows of the time before its moment
 MOST = 240  # readings of one point: four a second for a minute
+FEW = 16
 
 Number = bool | int | float
 Moment = tuple[float, Mapping[str, Number]]
@@ -42,6 +44,9 @@ class _PointReadings:
         if len(self.times) >= MOST:
             del self.times[1 : MOST // 2 : 2]
             del self.values[1 : MOST // 2 : 2]
+        elif len(self.times) > 2 * FEW and self.times[FEW] < at_s - BEFORE_S:
+            del self.times[:FEW]
+            del self.values[:FEW]
 
     def since(self, since_s: float) -> list[tuple[float, Number]]:
         """Return the readings since a moment; a value that was the same before it begins there."""
