@@ -30,6 +30,9 @@ async def test_all_starters_are_shown_to_everyone_and_follow_within_a_second(sit
     await plant.scada.until("starter/pump/state", state="starting")
     await expect(page.locator("li[data-starter=pump] .state")).to_have_text("starting", timeout=1000.0)
 
+    await plant.scada.command("fan", "general_enable", "two", value=False)
+    await expect(page.locator("li[data-starter=fan] .trouble")).to_contain_text("not enabled")
+
     plant.scada.set_knob("mill", "trip", "F005")
     await plant.scada.until("starter/mill/state", state="fault")
     await expect(page.locator("li[data-starter=mill] .state")).to_have_text("fault", timeout=1000.0)

@@ -52,7 +52,7 @@ export class History {
     } catch {
       return; // the head of the page says that nothing comes
     }
-    if (asked.get("span") !== this.span) return; // another one was chosen meanwhile
+    if (asked.get("span") !== this.span || (asked.get("point") ?? "") !== this.point.value) return; // another one was chosen meanwhile
     if (trace.points.length !== this.point.options.length) {
       this.point.replaceChildren(...trace.points.map((point) => h("option", { value: point, selected: point === trace.point }, words(point))));
       this.point.hidden = trace.points.length < 2;

@@ -7,6 +7,7 @@ import { carryOut } from "../results.js";
 import { store, titleOf } from "../store.js";
 
 const SPARKS_EVERY_MS = 10000;
+const HINDRANCES = { configured: "not configured", power_present: "no power", general_enabled: "not enabled", ready_to_start: "not ready to start" }; // by the flag that is false then
 const CALM_MS = 1500; // no row moves while someone points at the list, and this long after
 
 /** What is published of one starter, in one object. */
@@ -25,7 +26,7 @@ export function summary(name) {
     remote: state.remote,
     locked: state.locked,
     availability: availability.state ?? "unknown",
-    reason: availability.reason || state.reason || "",
+    reason: availability.reason || state.reason || hindrance(state),
     alarms,
     current: store.topic(`starter/${name}/value/current`),
     currentPct: store.topic(`starter/${name}/value/current_pct`),
@@ -33,6 +34,12 @@ export function summary(name) {
   };
   found.signal = signalOf(found);
   return found;
+}
+
+/** Why a motor at rest cannot be started; nothing where it can. */
+function hindrance(state) {
+  if (state.state !== "not_ready") return "";
+  return Object.keys(HINDRANCES).filter((flag) => state[flag] === false).map((flag) => HINDRANCES[flag]).join(", ") || "pausing or being adjusted";
 }
 
 function signalOf(starter) {
