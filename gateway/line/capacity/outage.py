@@ -15,8 +15,8 @@ from gateway.line.rtu.transaction import ALLOWANCE_S, longest_s, request_wire_s
 from gateway.line.scheduler.requests import Poll
 from gateway.modbus import LineTiming
 
-# From the start of the process to the first request. Measured on a busy 2-core x86-64: 0.4 to 0.7 s, mostly
-# imports (docs/reliability.md); the rest is for slower machines, on which it has not been measured.
+# From the start of the process to the first request. Measured on two idle virtual processors, with 247
+# starters: 0.57 and 0.86 s. On a fifth of one it is 2.5 to 3.6 s (docs/performance.md): more than this value.
 START_UP_S = 2.0
 
 FEEDS = 8  # the service watchdog is fed so many times within its limit, while every line moves
