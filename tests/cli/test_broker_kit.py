@@ -14,7 +14,7 @@ from gateway.cli.broker_kit.settings import KitSettings
 from gateway.cli.main import main
 from gateway.config.reading import parse
 from tests.config.sites import changed
-from tests.rig.sites import line, operator, starter, table
+from tests.rig.sites import operator, table
 
 URL = 'url = "mqtts://broker.plant:8883"'
 NAMED = (URL, f'{URL}\nusername = "mcc1"\npassword_file = "mqtt.password"')
@@ -173,20 +173,6 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(
     assert all("\nuse_username_as_clientid true\n" in f"{each}\n" for each in listeners), (
         "it is a listener's own"
     )
-
-
-@pytest.mark.parametrize(
-    ("starters", "options", "room"),
-    [(2, (), 1000), (16, (), 1000), (17, (), 1020), (100, (), 6000), (100, ("--bridge=central",), 100_000)],
-)
-def test_the_broker_has_room_for_what_the_gateway_publishes_at_once(
-    tmp_path: Path, starters: int, options: tuple[str, ...], room: int
-) -> None:
-    more = "".join(line(f"line-{n}") + starter(f"fan-{n}", 1, "ssw07") for n in range(2, starters))
-
-    kit = made(tmp_path, *options, site=changed(PLAIN) + more)
-
-    assert f"\nmax_queued_messages {room}\n" in (kit / "mosquitto.conf").read_text("utf-8")
 
 
 @needs_openssl

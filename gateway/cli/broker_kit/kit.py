@@ -38,7 +38,6 @@ _PARTS = (
     SETTINGS,
 )
 _STAGE = ".new-"
-_QUEUED_A_STARTER = 60  # some 40 retained messages are published within two seconds of a start
 _HEAD = """\
 # Mosquitto for Starter Gateway, in /etc/mosquitto/conf.d/; written by `starter-gateway broker-kit`.
 #
@@ -113,7 +112,7 @@ def broker_conf(config: Config, *, has_bridge: bool) -> str:
     lines = [f"listener {each}\nuse_username_as_clientid true" for each in listeners]
     if config.mqtt.is_tls:
         lines[0] += f"\ncertfile {INSTALLED}/{CERT}\nkeyfile {INSTALLED}/{KEY}\ntls_version tlsv1.2"
-    queued = 100_000 if has_bridge else max(1000, _QUEUED_A_STARTER * len(config.starters))
+    queued = 100_000 if has_bridge else 1000
     return "\n".join([_HEAD, *lines, _REST.format(folder=INSTALLED, queued=queued)])
 
 
