@@ -160,7 +160,7 @@ def _foreign_topics(table: HomeAssistantTable, config: Config) -> Iterator[Mista
 
 
 def _unserved(table: MetricsTable, config: Config) -> Iterator[Mistake]:
-    """Yield metrics that nobody can ask for."""
+    """Yield metrics that nothing serves."""
     if table.textfile is None and config.web is None:
         hint = "add a [web] table, whose server answers /metrics, or a textfile for node-exporter"
         yield Mistake((), "nothing serves them", hint)

@@ -12,6 +12,7 @@ from gateway.starters.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownRows
 from gateway.store import STATE_FILE, write_document
 from tests.config.sites import SITE, changed
 from tests.rig import run_cli
+from tests.rig.sites import line, starter
 
 
 @pytest.fixture
@@ -54,6 +55,24 @@ def test_what_this_machine_has_otherwise_is_warned_of(
     ran = run_cli("check", str(folder / "site.toml"))
 
     assert (ran.code, said in ran.out) == (0, True)
+
+
+def test_one_adapter_under_two_names_is_warned_of(folder: Path) -> None:
+    for name in ("a", "b"):
+        (folder / name).symlink_to("/dev/ttyUSB0")
+    text = (
+        line("a", port=str(folder / "a"))
+        + starter("x", 1, "sst")
+        + line("b", port=str(folder / "b"))
+        + starter("y", 1, "sst")
+    )
+    (folder / "site.toml").write_text(
+        f'[gateway]\nname = "m"\n[mqtt]\nurl = "mqtt://127.0.0.1"\n{text}', "utf-8"
+    )
+
+    ran = run_cli("check", str(folder / "site.toml"))
+
+    assert "warning line b: its port is that of line a (put all starters" in ran.out
 
 
 def test_where_this_user_may_not_look_nothing_is_accepted(
