@@ -169,11 +169,8 @@ def _warnings(site: Site) -> Iterator[Finding | None]:
     for table in config.lines:
         first = adapters.setdefault(os.path.realpath(table.port), table.name)
         if first != table.name:
-            what, remedy = (
-                f"its port is that of line {first}",
-                "put all starters of a port under one [[line]]",
-            )
-            yield _warning(f"line {table.name}", what, remedy)
+            remedy = "put all starters of a port under one [[line]]"
+            yield _warning(f"line {table.name}", f"its port is that of line {first}", remedy)
     for line in site.prospects:
         yield from _line_warnings(line)
         for starter in line.starters:

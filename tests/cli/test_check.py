@@ -58,17 +58,11 @@ def test_what_this_machine_has_otherwise_is_warned_of(
 
 
 def test_one_adapter_under_two_names_is_warned_of(folder: Path) -> None:
+    text = '[gateway]\nname = "m"\n[mqtt]\nurl = "mqtt://127.0.0.1"\n'
     for name in ("a", "b"):
         (folder / name).symlink_to("/dev/ttyUSB0")
-    text = (
-        line("a", port=str(folder / "a"))
-        + starter("x", 1, "sst")
-        + line("b", port=str(folder / "b"))
-        + starter("y", 1, "sst")
-    )
-    (folder / "site.toml").write_text(
-        f'[gateway]\nname = "m"\n[mqtt]\nurl = "mqtt://127.0.0.1"\n{text}', "utf-8"
-    )
+        text += line(name, port=str(folder / name)) + starter(f"s{name}", 1, "sst")
+    (folder / "site.toml").write_text(text, "utf-8")
 
     ran = run_cli("check", str(folder / "site.toml"))
 
