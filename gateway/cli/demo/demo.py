@@ -23,7 +23,6 @@ from gateway.cli.demo.processes import (
     demo_client,
     demo_simulator,
     free_port,
-    waited_for,
 )
 from gateway.cli.run import log_to_stderr, serve_site
 from gateway.errors import GatewayError
@@ -120,14 +119,14 @@ def page_of() -> tuple[str, str]:
 
 async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
     async with AsyncExitStack() as stack:
-        async with waited_for("a broker on this machine"):
-            broker = await stack.enter_async_context(demo_broker(folder))
+        print("waiting for a broker on this machine", file=sys.stderr, flush=True)
+        broker = await stack.enter_async_context(demo_broker(folder))
         path, (page, table) = folder / "demo.toml", page_of()
         text = CONFIG.read_text("utf-8").format(folder=folder, port=broker.port, version=broker.version)
         path.write_text(text + table, "utf-8")
         site = Site.read(path, os.environ)
-        async with waited_for("the simulated starters"):
-            await stack.enter_async_context(demo_simulator(path, broker_port=broker.port))
+        print("waiting for the simulated starters", file=sys.stderr, flush=True)
+        await stack.enter_async_context(demo_simulator(path, broker_port=broker.port))
         print(guide(path, site.config.lines[0].port, broker, page=page), flush=True)
         if has_plant:
             _beside(stack, run_plant(broker.port))

@@ -18,12 +18,12 @@ def render(overview: Overview, now_s: float, width: int) -> Group:
     """Return what is so at `now_s` (seconds since 1970), `width` columns wide; a terminal cuts its end."""
     rows, gateways = overview.rows(), [gateway for _, gateway in sorted(overview.gateways.items())]
     heads = [_head(gateway, now_s, [row for row in rows if row.gateway is gateway]) for gateway in gateways]
-    table = Table(box=None, padding=(0, 2, 0, 0), header_style="bold underline")
-    table.add_column("")
+    table = Table(box=None, padding=(0, 1, 0, 0), header_style="bold underline")
+    table.add_column("", no_wrap=True)
     table.add_column("starter", no_wrap=True, max_width=width // 4)
     table.add_column("state", no_wrap=True)
     table.add_column("current", no_wrap=True, justify="right")
-    table.add_column("last reply", no_wrap=True, justify="right")
+    table.add_column("reply", no_wrap=True, justify="right")
     table.add_column("", overflow="fold")
     for row in rows:
         table.add_row(*_cells(row, now_s, has_gateway=len(gateways) > 1))
