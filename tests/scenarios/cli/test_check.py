@@ -154,8 +154,12 @@ MISTAKES = [  # the others: tests/config
         '[mqtt]\nurl = "mqtt://127.0.0.1"\nusername = "mcc1"\npassword_file = "mqtt.password"\n'
         + SSW07
         + WEB
-        + table("metrics", token_file="scrape.token"),
+        + table("metrics", token_file="scrape.token")
+        + table("history", values=["x"])
+        + table("homeassistant", operator="Bob"),
         (
+            "homeassistant.operator: is 'Bob' (only",  # and no mistake hides another
+            "history.values[0]: 'x' is a point of no starter",
             re.compile(
                 r"line 8: mqtt.password_file: \S+/mqtt.password: No such file or directory \(create it, mode"
             ),
