@@ -98,16 +98,13 @@ def free_port(wanted: int) -> int:
 
 async def _has_begun(broker: Process, port: int) -> bool:
     """Return whether a broker listens, in time and before it ends."""
-    for _ in range(int(_START_TIMEOUT_S / 0.1)):
-        if broker.returncode is not None:
-            break
-        with suppress(OSError):
-            _, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.close()
-            with suppress(OSError):
-                await writer.wait_closed()
-            return True
-        await asyncio.sleep(0.1)
+    with suppress(TimeoutError):
+        async with asyncio.timeout(_START_TIMEOUT_S):
+            while broker.returncode is None:
+                with suppress(ConnectionError):
+                    (await asyncio.open_connection("127.0.0.1", port))[1].close()
+                    return True
+                await asyncio.sleep(0.1)
     return False
 
 
