@@ -1,6 +1,6 @@
 """The shape of the configuration: frozen models of its tables, from `[gateway]` to `[[operator]]`.
 
-Each table refuses what contradicts something else in it. What one value may be is in `values.py`, what
+Each table knows what contradicts something else in it. What one value may be is in `values.py`, what
 several tables may be together in `cross_checks.py`.
 """
 
