@@ -94,7 +94,7 @@ def _unfitting(
 
 
 def _stranger(table: WebUserTable | HomeAssistantTable | SparkplugTable, config: Config) -> Iterator[Mistake]:
-    """Yield a client whose rights something is to have, and that is no operator's."""
+    """Yield the client whose rights a login or a network is to have, where no operator has that name."""
     if table.operator and table.operator not in (clients := [each.client for each in config.operators]):
         hint = choose(table.operator, clients) if clients else "add an [[operator]] with this client"
         yield Mistake(("operator",), f"{short(table.operator)} is no [[operator]]'s client", hint)
@@ -115,7 +115,7 @@ def _wrong_codes(table: LineTable | StarterTable | PointsTable, config: Config) 
 
 
 def _extend(line: LineTable, config: Config) -> Iterable[Mistake]:
-    """Give each starter what the configuration adds to its family, which is right by now; find no mistake."""
+    """Give each starter what the configuration adds to its family; return no mistake."""
     for starter in line.starters:
         try:
             asked = [(code, DEFAULT_EVERY_S) for code in (*line.points, *starter.points)]
