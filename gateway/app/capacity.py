@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from math import isinf
 from typing import Any, NamedTuple, get_args
 
-from gateway.config import Baud, Config, LineTable, Mistake, StarterTable, setups_of, timing_of
+from gateway.config import WHERE_RIGHT, Baud, Config, LineTable, Mistake, StarterTable, setups_of, timing_of
 from gateway.families import diagnosis
 from gateway.line import Poll, capacity
 from gateway.modbus import LineTiming
@@ -74,22 +74,22 @@ def computed_of(line: LineCapacity) -> dict[str, Any]:
     }
 
 
-def check_watchdogs(config: Config) -> list[Mistake]:
-    """Return the watchdogs that the lines cannot serve in time, as mistakes; see `config.load`."""
-    return missed_deadlines(prospects_of(config))
+def check_watchdogs(config: Config, prospects: list[LineCapacity] | None = None) -> Iterator[Mistake]:
+    """Yield the watchdogs that would trip although everything works; see `config.load`.
 
-
-def missed_deadlines(prospects: Iterable[LineCapacity]) -> list[Mistake]:
-    """Return the watchdogs that would trip although everything works; of a site's lines in their order."""
-    mistakes = []
-    for index, line in enumerate(prospects):
-        units = {each.unit for each in line.forecast.missed}
-        missed = [each for each in line.starters if each.table.address in units]
-        hint = hint_of(line.table) if missed else ""
-        for starter in missed:
-            key = ("line", index, "starter", line.table.starters.index(starter.table), "watchdog_s")
-            mistakes.append(Mistake(key, _miss(line, starter), hint))
-    return mistakes
+    `prospects` is given what every line will be like that has no other mistakes.
+    """
+    for index, table in enumerate(config.lines):
+        with WHERE_RIGHT:
+            line = _line(table)
+            if prospects is not None:
+                prospects.append(line)
+            units = {each.unit for each in line.forecast.missed}
+            missed = [each for each in line.starters if each.table.address in units]
+            hint = hint_of(table) if missed else ""
+            for starter in missed:
+                key = ("line", index, "starter", table.starters.index(starter.table), "watchdog_s")
+                yield Mistake(key, _miss(line, starter), hint)
 
 
 def hint_of(line: LineTable) -> str:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, Self
 
-from gateway.app.capacity import LineCapacity, computed_of, missed_deadlines, prospects_of
-from gateway.config import SECRETS, Config, Mistake, load, secret_of
+from gateway.app.capacity import LineCapacity, check_watchdogs, computed_of, prospects_of
+from gateway.config import SECRETS, WHERE_RIGHT, Config, Mistake, load, secret_of
 from gateway.errors import ConfigError
 
 
@@ -35,24 +35,21 @@ class Site:
 
         This alone decides whether a configuration can be used, for `run`, a reload and `check`.
         """
-        prospects: tuple[LineCapacity, ...] = ()
+        prospects: list[LineCapacity] = []
         secrets: dict[str, str | None] = {}
 
-        def check(config: Config) -> list[Mistake]:
-            nonlocal prospects
-            prospects = prospects_of(config)
-            mistakes = missed_deadlines(prospects)
+        def check(config: Config) -> Iterator[Mistake]:
+            yield from check_watchdogs(config, prospects)
             for table, (key, _) in SECRETS.items():
-                try:
-                    secrets[table] = secret_of(table, config, path.parent, environ)
-                except ConfigError as error:
-                    mistakes += [
-                        Mistake((table, key), f"{error.path}: {p.what}", p.hint) for p in error.problems
-                    ]
-            return mistakes
+                with WHERE_RIGHT:
+                    try:
+                        secrets[table] = secret_of(table, config, path.parent, environ)
+                    except ConfigError as error:
+                        (problem,) = error.problems
+                        yield Mistake((table, key), f"{error.path}: {problem.what}", problem.hint)
 
         config = load(path, check=check)
-        return cls(config, path.parent, secrets, prospects, path)
+        return cls(config, path.parent, secrets, tuple(prospects), path)
 
     @property
     def password(self) -> str | None:

@@ -165,6 +165,12 @@ def _watchdog(starter: StarterCapacity, gaps: capacity.Gaps) -> tuple[str, Findi
 def _warnings(site: Site) -> Iterator[Finding | None]:
     """Yield whatever a person should know before the gateway runs by this configuration."""
     config, folder = site.config, site.folder
+    adapters: dict[str, str] = {}  # by the name behind all links
+    for table in config.lines:
+        first = adapters.setdefault(os.path.realpath(table.port), table.name)
+        if first != table.name:
+            remedy = "put all starters of a port under one [[line]]"
+            yield _warning(f"line {table.name}", f"its port is that of line {first}", remedy)
     for line in site.prospects:
         yield from _line_warnings(line)
         for starter in line.starters:

@@ -8,6 +8,7 @@ import importlib
 import os
 import sys
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 from typing import NoReturn, cast
 
@@ -68,7 +69,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         print(f"{PROGRAM}: no command {unknown!r} ({choose(unknown, COMMANDS)})", file=sys.stderr)
         return USAGE
     if "_ARGCOMPLETE" in os.environ:
-        _complete(whole_parser())
+        with suppress(ImportError):  # an optional extra
+            import argcomplete
+
+            argcomplete.autocomplete(whole_parser())
     try:
         args = _parse(_parser(chosen), arguments)
     except SystemExit as leaving:  # argparse has said why: help, version or a wrong word
@@ -144,14 +148,6 @@ def _load(name: str) -> CommandModule:
     home = _HOMES.get(name, module)
     folder = f".{home}" if (Path(__file__).parent / home).is_dir() else ""
     return cast(CommandModule, importlib.import_module(f"gateway.cli{folder}.{module}"))
-
-
-def _complete(parser: argparse.ArgumentParser) -> None:
-    try:
-        import argcomplete
-    except ImportError:  # an optional extra
-        return
-    argcomplete.autocomplete(parser)
 
 
 def _exit_code(error: GatewayError) -> int:

@@ -16,7 +16,7 @@ from gateway.config.convert import (
 )
 from gateway.config.diff import ConfigChanges, changes_of, fixed
 from gateway.config.integration_tables import HomeAssistantTable, SparkplugTable
-from gateway.config.mistakes import Mistake, choose
+from gateway.config.mistakes import WHERE_RIGHT, Mistake, choose
 from gateway.config.reading import load, parse
 from gateway.config.schema import Baud, Config, FramingText, LineTable, StarterTable, Verb
 from gateway.config.secrets import SECRETS, VARIABLE, files_of, password_in, secret_of, without_logins

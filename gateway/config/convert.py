@@ -21,7 +21,23 @@ def timing_of(line: LineTable) -> LineTiming:
 
 def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, ...]:
     """Return the starters of a line, the disabled ones too, with the names of their family in a language."""
-    return tuple(_setup(line, starter, language) for starter in line.starters)
+    return tuple(
+        StarterSetup(
+            name=starter.name,
+            title=starter.title,
+            line=line.name,
+            address=starter.address,
+            profile=starter.profile(language),
+            variant=Variant.model_validate({"model": starter.model, "slot": starter.slot}),
+            every_s=starter.every_s,
+            response_time_s=starter.response_time_s,
+            is_enabled=starter.enabled,
+            watchdog_s=starter.watchdog_s,
+            timing=timing_of(line),
+            allowance_s=line.adapter_allowance_s,
+        )
+        for starter in line.starters
+    )
 
 
 def wired_starters(line: LineTable) -> tuple[WiredStarter, ...]:
@@ -56,7 +72,20 @@ def policy_of(config: Config) -> PolicySettings:
         group.name: tuple(each.name for each in config.starters if each.is_among(group.starters))
         for group in config.groups
     }
-    return PolicySettings(rules={each.name: _rules(config, each) for each in config.starters}, groups=groups)
+    return PolicySettings({each.name: rules_of(config, each) for each in config.starters}, groups)
+
+
+def rules_of(config: Config, starter: StarterTable) -> RuleSet:
+    """Return the rules of a starter, key by key: its own, else those of the last table that names it."""
+    shared = [table for table in config.rules if starter.is_among(table.starters)]
+    tables: list[RulesTable] = [*shared, starter.rules or RulesTable()]
+    given = {
+        name: value
+        for table in tables
+        for name in RulesTable.model_fields
+        if (value := getattr(table, name)) is not None
+    }
+    return RuleSet(**{**given, "two_step": frozenset(given.get("two_step", ()))})
 
 
 def least_watchdog_s(config: Config) -> float | None:
@@ -66,55 +95,18 @@ def least_watchdog_s(config: Config) -> float | None:
 
 
 def broker_of(
-    mqtt: MqttTable,
-    folder: Path,
-    *,
-    client_id: str,
-    username: str | None,
-    password: str | None,
+    mqtt: MqttTable, folder: Path, *, client_id: str, username: str | None, password: str | None
 ) -> BrokerSettings:
     """Return the way to a broker as this client and login; `folder` is the configuration's."""
+    files = (mqtt.ca_file, mqtt.cert_file, mqtt.key_file)
+    paths = [None if file is None else str(folder / file) for file in files]
     return BrokerSettings(
         host=mqtt.host,
         port=mqtt.port,
         client_id=client_id,
         username=username,
         password=password,
-        tls=_tls_of(mqtt, folder) if mqtt.is_tls else None,
+        tls=TlsSettings(*paths) if mqtt.is_tls else None,
         version=None if mqtt.version == "auto" else Version(mqtt.version),
         keepalive_s=mqtt.keepalive_s,
-    )
-
-
-def _tls_of(mqtt: MqttTable, folder: Path) -> TlsSettings:
-    names = (mqtt.ca_file, mqtt.cert_file, mqtt.key_file)
-    return TlsSettings(*(None if name is None else str(folder / name) for name in names))
-
-
-def _rules(config: Config, starter: StarterTable) -> RuleSet:
-    """Return the rules of a starter, key by key: its own, else those of the last table that names it."""
-    shared = [table for table in config.rules if starter.is_among(table.starters)]
-    tables: list[RulesTable] = [*shared, starter.rules or RulesTable()]
-    given = {
-        name: value
-        for table in tables
-        for name, value in table.model_dump(exclude={"starters"}, exclude_none=True).items()
-    }
-    return RuleSet(**{**given, "two_step": frozenset(given.get("two_step", ()))})
-
-
-def _setup(line: LineTable, starter: StarterTable, language: str) -> StarterSetup:
-    return StarterSetup(
-        name=starter.name,
-        title=starter.title,
-        line=line.name,
-        address=starter.address,
-        profile=starter.profile(language),
-        variant=Variant.model_validate({"model": starter.model, "slot": starter.slot}),
-        every_s=starter.every_s,
-        response_time_s=starter.response_time_s,
-        is_enabled=starter.enabled,
-        watchdog_s=starter.watchdog_s,
-        timing=timing_of(line),
-        allowance_s=line.adapter_allowance_s,
     )

@@ -1,166 +1,186 @@
 """Rules across tables: names that must differ, names and codes that must exist, rules of the whole site.
 
-What people name or ask for is judged in the document as it is written, so that a mistake in one table hides
-none in others (`wrong_across`); the rest is judged of a configuration that has no other mistakes.
+A rule reads a configuration from which wrong values are taken out. It is judged wherever it reads none of
+them (`WHERE_RIGHT`): a mistake in one table hides none in another, and draws none after it.
 """
 
 from __future__ import annotations
 
 import posixpath
-from collections.abc import Iterator, Mapping
-from fnmatch import fnmatchcase
-from itertools import chain
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from itertools import product
+from types import UnionType
 from typing import Any
 
-from pydantic import ValidationError
-
-from gateway.config.convert import policy_of
-from gateway.config.integration_tables import HomeAssistantTable
-from gateway.config.mistakes import Key, Mistake, choose, short, spell
-from gateway.config.schema import Config
-from gateway.config.site_tables import RowTable, rows_of
-from gateway.families import FAMILIES, extension, load_profile
+from gateway.config.convert import rules_of
+from gateway.config.integration_tables import (
+    HistoryTable,
+    HomeAssistantTable,
+    MetricsTable,
+    SparkplugTable,
+    WebUserTable,
+)
+from gateway.config.mistakes import WHERE_RIGHT, Mistake, WrongValueError, choose, short, spell
+from gateway.config.schema import Config, GroupTable, LineTable, OperatorTable, SharedRulesTable, StarterTable
+from gateway.config.site_tables import DEFAULT_EVERY_S, PointsTable, RowTable, additions, rows_of
+from gateway.config.values import ConfigTable
+from gateway.families import extension, load_profile
 from gateway.starters import OWN_POINT_NAMES
 
 SPARKPLUG_NAMESPACE = "spBv1.0"
 
-Document = Mapping[str, Any]
-_Families = Mapping[Key, str | None]  # by the keys of tables; None: not known
+Check = Callable[[Config], Iterable[Mistake]]
 
-# Keys of which no two may be alike, and why. A command's topic must name one target: a starter or a group.
-_UNIQUE = {
-    ("line.name",): "each line needs its own name",
-    ("line.port",): "put all starters of a port under one [[line]]",
-    ("line.starter.name", "group.name"): "each starter needs its own name, and so does each group",
-    ("line.starter.address",): "each starter on a line needs its own address",
-    ("web.user.name",): "each login needs its own name",
-    ("row.parameter",): "describe each row once",
-    ("row.name",): "each row needs its own name",
+_ONE_TARGET = "each starter needs its own name, and so does each group"  # a command's topic names one
+_UNIQUE = {  # keys of which no two may be alike, and why
+    LineTable: {
+        "name": "each line needs its own name",
+        "port": "put all starters of a port under one [[line]]",
+    },
+    StarterTable: {"name": _ONE_TARGET, "address": "each starter on a line needs its own address"},
+    GroupTable: {"name": _ONE_TARGET},
+    WebUserTable: {"name": "each login needs its own name"},
+    RowTable: {"parameter": "describe each row once", "name": "each row needs its own name"},
 }
 
 
-def wrong_across(document: Document) -> Iterator[Mistake]:
-    """Yield values that must differ, and names, codes and feeders without their counterpart."""
-    tables = dict(chain(*(_at(document, path) for path in ("line.starter", "points", "row"))))
-    found = {key: table.get("family") for key, table in tables.items() if isinstance(table, dict)}
-    families = {key: family if family in FAMILIES else None for key, family in found.items()}
-    starters = {key[:-1]: str(name) for key, name in _at(document, "line.starter.name")}
-    yield from _alike(document, families)
-    for table in ("operator", "rules", "group", "points"):
-        for key, pattern in _at(document, f"{table}.starters"):
-            yield from _unfitting(key, str(pattern), starters, families)
-    clients = [str(client) for _, client in _at(document, "operator.client")]
-    for table in ("web.user", "homeassistant", "sparkplug"):
-        for key, client in _at(document, f"{table}.operator"):
-            if client not in clients:
-                hint = choose(client, clients) if clients else "add an [[operator]] with this client"
-                yield Mistake(key, f"{short(client)} is no [[operator]]'s client", hint)
-    yield from _wrong_codes(document, families)
+def find_mistakes(config: Config, wrong: Iterable[Mistake], check: Check) -> list[Mistake]:
+    """Return these mistakes, and those that all rules find besides; `check` is the last rule.
 
-
-def broken_rules(config: Config) -> Iterator[Mistake]:
-    """Yield every mistake that the whole site shows."""
-    yield from _traced(config)
-    yield from _half_feeders(config)
-    if config.home_assistant is not None:
-        yield from _home_assistant(config.home_assistant, config.base)
-    if config.metrics is not None and config.metrics.textfile is None and config.web is None:
-        hint = "add a [web] table, whose server answers /metrics, or a textfile for node-exporter"
-        yield Mistake(("metrics",), "nothing serves them", hint)
-
-
-def _at(document: Any, path: str, key: Key = ()) -> Iterator[tuple[Key, object]]:
-    """Yield the values at a path, in all tables and items of the lists on it, with their keys."""
-    name, _, rest = path.partition(".")
-    if isinstance(document, list):
-        for place, item in enumerate(document):
-            yield from _at(item, path, (*key, place))
-    elif not path:
-        yield key, document
-    elif isinstance(document, dict) and name in document:
-        yield from _at(document[name], rest, (*key, name))
-
-
-def _alike(document: Document, families: _Families) -> Iterator[Mistake]:
-    """Yield values that another key has too: of addresses on the same line, of rows in the same family."""
-    for paths, hint in _UNIQUE.items():
-        seen: dict[object, Key] = {}
-        for key, value in chain(*(_at(document, path) for path in paths)):
-            if type(value) not in (str, int):
-                continue
-            scope = key[1] if key[-1] == "address" else families.get(key[:2])
-            compared = scope, posixpath.normpath(str(value)) if key[-1] == "port" else value
-            if compared in seen:
-                yield Mistake(key, f"{short(value)} is also {spell(seen[compared])}", hint)
-            seen.setdefault(compared, key)
-
-
-def _unfitting(key: Key, pattern: str, starters: Mapping[Key, str], families: _Families) -> Iterator[Mistake]:
-    """Yield a pattern that fits no starter; of [[points]] also one that fits none of their family."""
-    fitting = [at for at, name in starters.items() if fnmatchcase(name, pattern)]
-    found, wanted = {families.get(at) for at in fitting}, families.get(key[:2])
-    if not fitting:
-        hint = choose(pattern, starters.values()) if starters else ""
-        yield Mistake(key, f"{short(pattern)} fits no starter", hint)
-    elif wanted is not None and not found & {wanted, None}:
-        hint = f"such starters are of {' and '.join(sorted(map(str, found)))}"
-        yield Mistake(key, f"{short(pattern)} fits no {wanted}", hint)
-
-
-def _wrong_codes(document: Document, families: _Families) -> Iterator[Mistake]:
-    """Yield codes and patterns that fit no readable row of the families of their table.
-
-    Nothing is said where a family or a row is wrong that may have them.
+    A rule is judged without the values that those before it have found wrong; a value is named by one rule.
     """
-    try:
-        rows = [RowTable.model_validate(table) for _, table in _at(document, "row")]
-    except ValidationError:
-        return
-    for path in ("line.points", "line.starter.points", "points.codes"):
-        for key, code in _at(document, path):
-            table = key[:-2]
-            of_line = (family for at, family in families.items() if at[: len(table)] == table)
-            own = [families[table]] if table in families else list(dict.fromkeys(of_line))
-            if not own or None in own or not isinstance(key[-1], int):
-                continue
-            profiles = [
-                extension.extended(load_profile(str(each)), rows_of(str(each), rows), ()) for each in own
-            ]
-            if not any(extension.matching(profile, str(code)) for profile in profiles):
-                yield Mistake(key, *extension.why_no_row(profiles, str(code)))
+    mistakes, tables = list(wrong), dict(config.tables())
+    for kind, rule in (*_RULES, (Config, lambda config, _: check(config))):
+        named = {mistake.key for mistake in mistakes}
+        for key in named:
+            depth = next(depth for depth in reversed(range(len(key))) if key[:depth] in tables)
+            tables[key[:depth]].forget(key[depth])
+        for at, table in tables.items():
+            with WHERE_RIGHT:
+                found = rule(table, config) if isinstance(table, kind) else ()
+                keyed = (replace(mistake, key=(*at, *mistake.key)) for mistake in found)
+                mistakes.extend(mistake for mistake in keyed if mistake.key not in named)
+    return mistakes
 
 
-def _half_feeders(config: Config) -> Iterator[Mistake]:
-    """Yield starters with a feeder that is named without a time, or a time without a feeder."""
-    rules = policy_of(config).rules
-    for at, line in enumerate(config.lines):
-        for place, starter in enumerate(line.starters):
-            if bool(rules[starter.name].feeder) != bool(rules[starter.name].stagger_s):
-                key, what = ("line", at, "starter", place, "name"), "has only one of feeder and stagger_s"
-                yield Mistake(key, what, "a feeder and the time between two starts on it go together")
+def _alike(config: Config, _: Config) -> Iterator[Mistake]:
+    """Yield values that another key has too: of addresses on the same line, of rows in the same family."""
+    seen: dict[object, str] = {}
+    for key, table in config.tables():
+        for name, why in _UNIQUE.get(type(table), {}).items():
+            with WHERE_RIGHT:
+                scope = table.family if isinstance(table, RowTable) else key[1] if name == "address" else ""
+                value = getattr(table, name)
+                one = why, scope, posixpath.normpath(value) if name == "port" else value
+                if one in seen:
+                    yield Mistake((*key, name), f"{short(value)} is also {seen[one]}", why)
+                seen.setdefault(one, spell((*key, name)))
 
 
-def _traced(config: Config) -> Iterator[Mistake]:
+def _unfitting(
+    table: OperatorTable | SharedRulesTable | GroupTable | PointsTable, config: Config
+) -> Iterator[Mistake]:
+    """Yield patterns that fit no starter; of [[points]] also those that fit none of their family."""
+    for place, pattern in enumerate(table.starters):
+        fitting = [each for each in config.starters if each.is_among([pattern])]
+        families = sorted({each.family for each in fitting})
+        if not fitting:
+            hint = choose(pattern, [each.name for each in config.starters])
+            yield Mistake(("starters", place), f"{short(pattern)} fits no starter", hint)
+        elif isinstance(table, PointsTable) and table.family not in families:
+            hint = f"such starters are of {' and '.join(families)}"
+            yield Mistake(("starters", place), f"{short(pattern)} fits no {table.family}", hint)
+
+
+def _stranger(table: WebUserTable | HomeAssistantTable | SparkplugTable, config: Config) -> Iterator[Mistake]:
+    """Yield the client whose rights a login or a network is to have, where no operator has that name."""
+    if table.operator and table.operator not in (clients := [each.client for each in config.operators]):
+        hint = choose(table.operator, clients) if clients else "add an [[operator]] with this client"
+        yield Mistake(("operator",), f"{short(table.operator)} is no [[operator]]'s client", hint)
+
+
+def _wrong_codes(table: LineTable | StarterTable | PointsTable, config: Config) -> Iterator[Mistake]:
+    """Yield codes and patterns that fit no readable row of the families of their table."""
+    name = "codes" if isinstance(table, PointsTable) else "points"
+    codes, starters = getattr(table, name), table.starters if isinstance(table, LineTable) else (table,)
+    if codes:
+        families = dict.fromkeys(each.family for each in starters)
+        profiles = [
+            extension.extended(load_profile(family), rows_of(family, config.rows), ()) for family in families
+        ]
+    for place, code in enumerate(codes):
+        if not any(extension.matching(profile, code) for profile in profiles):
+            yield Mistake((name, place), *extension.why_no_row(profiles, code))
+
+
+def _extend(line: LineTable, config: Config) -> Iterable[Mistake]:
+    """Give each starter what the configuration adds to its family; return no mistake."""
+    for starter in line.starters:
+        try:
+            asked = [(code, DEFAULT_EVERY_S) for code in (*line.points, *starter.points)]
+            for table in config.points:
+                if table.family == starter.family and starter.is_among(table.starters):
+                    asked += [(code, table.every_s) for code in table.codes]
+            starter.add(additions(starter.family, config.rows, asked))
+        except WrongValueError:  # what its family would be with them is not known
+            starter.forget("family")
+    return ()
+
+
+def _untraced(table: HistoryTable, config: Config) -> Iterator[Mistake]:
     """Yield points whose values are to be stored and that no starter has."""
     points = OWN_POINT_NAMES.union(*(starter.profile().points for starter in config.starters))
-    for position, name in enumerate(config.traced):
+    for position, name in enumerate(table.values):
         if name not in points:
             hint = choose(name, sorted(points), otherwise="the topics B/starter/+/info list all points")
-            yield Mistake(("history", "values", position), f"{short(name)} is a point of no starter", hint)
+            yield Mistake(("values", position), f"{short(name)} is a point of no starter", hint)
 
 
-def _home_assistant(table: HomeAssistantTable, base: str) -> Iterator[Mistake]:
+def _half_feeder(starter: StarterTable, config: Config) -> Iterator[Mistake]:
+    """Yield a starter with a feeder that is named without a time, or a time without a feeder."""
+    rules = rules_of(config, starter)
+    if bool(rules.feeder) != bool(rules.stagger_s):
+        hint = "a feeder and the time between two starts on it go together"
+        yield Mistake(("name",), "has only one of feeder and stagger_s", hint)
+
+
+def _foreign_topics(table: HomeAssistantTable, config: Config) -> Iterator[Mistake]:
     """Yield topics that are the gateway's own, Sparkplug's or discovery's."""
-    own, spark = (base, "the gateway's own"), (SPARKPLUG_NAMESPACE, "Sparkplug's")
-    devices = f"{table.discovery_prefix}/device", "discovery's"
-    for key, foreign in (("discovery_prefix", (own, spark)), ("birth_topic", (own, spark, devices))):
-        for others, whose in foreign:
-            if _is_one_in_the_other(getattr(table, key) or "", others):
-                hint = f"a topic outside {short(others)}"
-                yield Mistake(("homeassistant", key), f"lies among {whose} topics", hint)
+    foreign: dict[str, Callable[[], str]] = {
+        "the gateway's own": lambda: config.base,
+        "Sparkplug's": lambda: SPARKPLUG_NAMESPACE,
+        "discovery's": lambda: f"{table.discovery_prefix}/device",
+    }
+    for key, (whose, others_of) in product(("discovery_prefix", "birth_topic"), foreign.items()):
+        with WHERE_RIGHT:
+            topic, others = getattr(table, key) or "", others_of()
+            if _is_one_in_the_other(topic, others) and f"{topic}/device" != others:
+                yield Mistake((key,), f"lies among {whose} topics", f"a topic outside {short(others)}")
+
+
+def _unserved(table: MetricsTable, config: Config) -> Iterator[Mistake]:
+    """Yield metrics that nothing serves."""
+    if table.textfile is None and config.web is None:
+        hint = "add a [web] table, whose server answers /metrics, or a textfile for node-exporter"
+        yield Mistake((), "nothing serves them", hint)
 
 
 def _is_one_in_the_other(one: str, other: str) -> bool:
     """Return whether a topic is the other one, or one of its levels; False when there is none."""
     one, other = f"{one}/", f"{other}/"
     return one != "/" and (one.startswith(other) or other.startswith(one))
+
+
+_RULES: tuple[tuple[type | UnionType, Callable[[Any, Config], Iterable[Mistake]]], ...] = (  # in this order
+    (ConfigTable, lambda table, _: table.contradictions()),
+    (Config, _alike),
+    (OperatorTable | SharedRulesTable | GroupTable | PointsTable, _unfitting),
+    (WebUserTable | HomeAssistantTable | SparkplugTable, _stranger),
+    (LineTable | StarterTable | PointsTable, _wrong_codes),
+    (LineTable, _extend),
+    (HistoryTable, _untraced),
+    (StarterTable, _half_feeder),
+    (HomeAssistantTable, _foreign_topics),
+    (MetricsTable, _unserved),
+)

@@ -8,7 +8,7 @@ from urllib.parse import urlsplit
 
 from pydantic import Field
 
-from gateway.config.mistakes import Mistake
+from gateway.config.mistakes import WHERE_RIGHT, Mistake
 from gateway.config.values import (
     SCHEMES,
     Base,
@@ -32,6 +32,7 @@ from gateway.config.values import (
 from gateway.system.password_hash import LINE_PATTERN
 
 DEFAULT_BASE = "starters/{gateway}"
+_OWN_SERVERS = "without urls those of [mqtt] count"
 _UNENCRYPTED = "would send passwords and commands unencrypted"
 
 MqttVersion = Literal["auto", "5", "3.1.1"]
@@ -86,11 +87,11 @@ class MqttTable(LoginTable):
     def contradictions(self) -> Iterator[Mistake]:
         """Yield an open way to another machine, and files of TLS without TLS."""
         yield from super().contradictions()
+        for name in ("ca_file", "cert_file", "key_file"):
+            if vars(self).get(name) and not self.is_tls:
+                yield Mistake((name,), "has no meaning with mqtt://", "use mqtts://, or leave it out")
         if self.is_exposed(self.url):
             yield Mistake(("url",), _UNENCRYPTED, "use mqtts://, or allow_plaintext = true")
-        for name in ("ca_file", "cert_file", "key_file"):
-            if getattr(self, name) and not self.is_tls:
-                yield Mistake((name,), "has no meaning with mqtt://", "use mqtts://, or leave it out")
 
 
 class WebUserTable(ConfigTable):
@@ -124,9 +125,10 @@ class WebTable(ConfigTable):
         host, _ = split_listen(self.listen) or ("", 0)
         if is_loopback(host):
             return
-        if self.cert_file is None and not self.allow_plaintext:
-            hint = "give cert_file and key_file, or allow_plaintext = true, or listen on 127.0.0.1"
-            yield Mistake(("listen",), _UNENCRYPTED, hint)
+        with WHERE_RIGHT:
+            if self.cert_file is None and not self.allow_plaintext:
+                hint = "give cert_file and key_file, or allow_plaintext = true, or listen on 127.0.0.1"
+                yield Mistake(("listen",), _UNENCRYPTED, hint)
         if not self.users:
             hint = "add a [[web.user]], or listen on 127.0.0.1"
             yield Mistake(("listen",), "opens the page to other machines without any login", hint)
@@ -163,6 +165,8 @@ class HomeAssistantTable(ConfigTable):
 class SparkplugTable(LoginTable):
     """`[sparkplug]`: the gateway as a Sparkplug B 3.0 edge node; without this table it is none."""
 
+    NEEDS = (*ConfigTable.NEEDS, *((name, "urls", _OWN_SERVERS) for name in LoginTable.model_fields))
+
     group: SparkplugId = Field(description="The group id: the first level that hosts sort nodes by.")
     node: SparkplugId | None = Field(None, description="The edge node id; absent: the gateway's name.")
     urls: Several[BrokerUrl] = Field(
@@ -184,6 +188,3 @@ class SparkplugTable(LoginTable):
         for place, url in enumerate(self.urls):
             if self.is_exposed(url):
                 yield Mistake(("urls", place), _UNENCRYPTED, "use mqtts://, or allow_plaintext = true")
-        for name in LoginTable.model_fields:
-            if getattr(self, name) and not self.urls:
-                yield Mistake((name,), "needs urls beside it", "without urls those of [mqtt] count")

@@ -1,17 +1,18 @@
 """A mistake in a configuration: its key, what is wrong, and a hint; `load` adds the line in the file.
 
-Pydantic finds what is wrong with single values, and is given what the rules of a table find (`refuse`).
+Pydantic finds wrong values, rules find values that contradict others. A wrong value is taken out of its table
+(`ConfigTable.forget`): a rule that reads it cannot be judged, all others are.
 """
 
 from __future__ import annotations
 
 import difflib
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import dataclass
 from datetime import date, time
 
-from pydantic import ValidationError
-from pydantic_core import InitErrorDetails, PydanticCustomError
+from pydantic_core import PydanticCustomError
 
 Key = tuple[str | int, ...]
 
@@ -25,16 +26,16 @@ class Mistake:
     hint: str = ""
 
 
+class WrongValueError(Exception):
+    """A rule has read a value that is wrong, and was taken out of its table."""
+
+
+WHERE_RIGHT = suppress(WrongValueError)  # around a rule: it is judged where all that it reads is right
+
+
 def wrong(what: str, hint: str) -> PydanticCustomError:
     """Return the error of a value, with a hint."""
     return PydanticCustomError("wrong", "{what}", {"what": what, "hint": hint})
-
-
-def refuse(mistakes: Iterable[Mistake]) -> None:
-    """Raise ValidationError if there are mistakes in a table; their keys begin below the table's own."""
-    details = [InitErrorDetails(type=wrong(m.what, m.hint), loc=m.key, input=None) for m in mistakes]
-    if details:
-        raise ValidationError.from_exception_data("table", details)
 
 
 def short(value: object) -> str:

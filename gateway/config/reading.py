@@ -3,45 +3,47 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Callable
+from functools import reduce
+from operator import getitem
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 from pydantic import ValidationError
 
-from gateway.config.cross_checks import broken_rules, wrong_across
+from gateway.config.cross_checks import Check, find_mistakes
 from gateway.config.explain import explain
 from gateway.config.mistakes import Mistake, spell
 from gateway.config.schema import Config
 from gateway.config.toml_lines import line_of, locate, syntax_problem
 from gateway.errors import ConfigError, Problem
 
-Check = Callable[[Config], list[Mistake]]
 
-
-def load(path: str | Path, *, check: Check = lambda _: []) -> Config:
+def load(path: str | Path, *, check: Check = lambda _: ()) -> Config:
     """Return the configuration in a file; ConfigError with every problem when it cannot be used.
 
-    `check` looks for mistakes in a configuration that has no others.
+    `check` looks for further mistakes. Where there are others, it must do so rule by rule, `WHERE_RIGHT`.
     """
     return parse(_read(path), str(path), check=check)
 
 
-def parse(text: str, path: str, *, check: Check = lambda _: []) -> Config:
+def parse(text: str, path: str, *, check: Check = lambda _: ()) -> Config:
     """Do as `load` with a TOML text; `path` is what messages call it."""
-    document = _document(text, path)
-    config, wrong = None, list[Mistake]()
+    document, wrong = _document(text, path), list[Mistake]()
     try:
         config = Config.model_validate(document)
     except ValidationError as error:
-        wrong = explain(error)
-    named = {mistake.key for mistake in wrong}
-    mistakes = [*wrong, *(mistake for mistake in wrong_across(document) if mistake.key not in named)]
-    if config is not None and not mistakes:
-        mistakes = list(broken_rules(config)) or check(config)
-    if config is None or mistakes:
+        config, wrong = _in_spite_of(error, document), explain(error)
+    mistakes = find_mistakes(config, wrong, check)
+    if mistakes:
         raise ConfigError(path, _problems(text, mistakes))
     return config
+
+
+def _in_spite_of(error: ValidationError, document: dict[str, Any]) -> Config:
+    """Return the configuration with None for each wrong or missing value, which is then to be taken out."""
+    for *table, key in (detail["loc"] for detail in error.errors() if detail["type"] == "missing"):
+        reduce(getitem, table, cast(Any, document))[key] = None
+    return Config.model_validate(document, context=True, extra="ignore")
 
 
 def _read(path: str | Path) -> str:

@@ -1,6 +1,6 @@
 """The shape of the configuration: frozen models of its tables, from `[gateway]` to `[[operator]]`.
 
-Each table refuses what contradicts something else in it. What one value may be is in `values.py`, what
+Each table knows what contradicts something else in it. What one value may be is in `values.py`, what
 several tables may be together in `cross_checks.py`.
 """
 
@@ -9,10 +9,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from itertools import product
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, Self, get_args, get_origin
+from typing import TYPE_CHECKING, Any, Literal, Self, get_args, get_origin
 
-from pydantic import Field, PrivateAttr, model_validator
+from pydantic import Field, PrivateAttr
 
 from gateway.config.integration_tables import (
     HistoryTable,
@@ -22,16 +23,14 @@ from gateway.config.integration_tables import (
     SparkplugTable,
     WebTable,
 )
-from gateway.config.mistakes import Mistake, short
+from gateway.config.mistakes import WHERE_RIGHT, Mistake, short
 from gateway.config.simulated_tables import SimulatedTable
 from gateway.config.site_tables import (
-    DEFAULT_EVERY_S,
     Family,
     Language,
     PointsTable,
     RowTable,
     SiteAdditions,
-    additions,
 )
 from gateway.config.values import ConfigTable, Glob, Name, Port, RowPattern, Several, Text, Title
 from gateway.contract import OWN_VERBS
@@ -126,10 +125,11 @@ class StarterTable(ConfigTable):
     def contradictions(self) -> Iterator[Mistake]:
         """Yield what a starter of its family, or a simulated one, does not have."""
         profile = load_profile(self.family)
-        if self.slot is not None and len(profile.command_word) < 2:
+        if vars(self).get("slot") is not None and len(profile.command_word) < 2:
             yield Mistake(("slot",), f"{self.family} has no slots", "leave it out")
-        for name, why in diagnosis.wrong_settings(profile, model=self.model, watchdog_s=self.watchdog_s):
-            yield Mistake((name,), f"{short(getattr(self, name))} {why}", "see its manual")
+        given = {name: vars(self).get(name) for name in ("model", "watchdog_s")}
+        for name, why in diagnosis.wrong_settings(profile, **given):
+            yield Mistake((name,), f"{short(given[name])} {why}", "see its manual")
         for mistake in self.simulated.not_of(profile):
             yield replace(mistake, key=("simulated", *mistake.key))
 
@@ -153,7 +153,7 @@ class StarterTable(ConfigTable):
         return copy
 
     def add(self, added: SiteAdditions) -> None:
-        """Add to its family what the whole configuration asks for; once, before anybody looks."""
+        """Add to its family what the whole configuration asks for."""
         self._additions = added
 
 
@@ -175,16 +175,17 @@ class LineTable(ConfigTable):
 
     def contradictions(self) -> Iterator[Mistake]:
         """Yield what is wrong with the order along the cable, and settings that a family does not have."""
-        names = sorted(each.name for each in self.starters)
-        if self.order is not None and sorted(self.order) != names:
-            hint = f"name {', '.join(names)} once each, as the cable passes them"
-            yield Mistake(("order",), "is not a list of all starters of this line", hint)
-        for family, name in {each.family: each.name for each in self.starters}.items():
-            bauds, framings = load_profile(family).bauds or (self.baud,), load_profile(family).framings
-            for key, value, allowed in (("baud", self.baud, bauds), ("framing", self.framing, framings)):
-                if value not in allowed:
-                    hint = f"its manual allows {', '.join(map(str, allowed))}"
-                    yield Mistake((key,), f"{value} is not for {family} ({name})", hint)
+        with WHERE_RIGHT:
+            names = sorted(each.name for each in self.starters)
+            if self.order is not None and sorted(self.order) != names:
+                hint = f"name {', '.join(names)} once each, as the cable passes them"
+                yield Mistake(("order",), "is not a list of all starters of this line", hint)
+        families = {each.family: each for each in self.starters if "family" in vars(each)}
+        for key, (family, starter) in product(("baud", "framing"), families.items()):
+            value, allowed = vars(self).get(key), getattr(load_profile(family), f"{key}s")
+            if value is not None and allowed and value not in allowed:
+                hint = f"its manual allows {', '.join(map(str, allowed))}"
+                yield Mistake((key,), f"{value} is not for {family} ({vars(starter).get('name')})", hint)
 
 
 class OperatorTable(ConfigTable):
@@ -222,18 +223,6 @@ class Config(ConfigTable):
         """Return the points whose values are stored over time."""
         return () if self.history is None else self.history.values
 
-    @model_validator(mode="after")
-    def _extend(self) -> Self:
-        """Give each starter what the configuration adds to its family."""
-        for line in self.lines:
-            for starter in line.starters:
-                asked = [(code, DEFAULT_EVERY_S) for code in (*line.points, *starter.points)]
-                for table in self.points:
-                    if table.family == starter.family and starter.is_among(table.starters):
-                        asked += [(code, table.every_s) for code in table.codes]
-                starter.add(additions(starter.family, self.rows, asked))
-        return self
-
     @property
     def starters(self) -> tuple[StarterTable, ...]:
         """Return the starters of all lines."""
@@ -250,17 +239,14 @@ class Config(ConfigTable):
         return self.mqtt.client_id or self.gateway.name
 
 
-def _tables(
-    model: type[ConfigTable], header: str = "", *, is_several: bool = False
-) -> Iterator[tuple[str, list[str], bool]]:
+def _tables(annotation: Any, header: str = "") -> Iterator[tuple[str, list[str], bool]]:
     """Yield a table and all within it: header, keys, and whether there may be several."""
-    fields = {field.alias or name: field for name, field in model.model_fields.items()}
-    yield header, list(fields), is_several
-    for name, field in fields.items():
-        for inner in (field.annotation, *get_args(field.annotation)):
-            if isinstance(inner, type) and issubclass(inner, ConfigTable):
-                path = f"{header}.{name}".lstrip(".")
-                yield from _tables(inner, path, is_several=get_origin(field.annotation) is tuple)
+    for model in (annotation, *get_args(annotation)):
+        if isinstance(model, type) and issubclass(model, ConfigTable):
+            fields = {field.alias or name: field for name, field in model.model_fields.items()}
+            yield header, list(fields), get_origin(annotation) is tuple
+            for name, field in fields.items():
+                yield from _tables(field.annotation, f"{header}.{name}".lstrip("."))
 
 
 TABLES = {header: keys for header, keys, _ in _tables(Config)}

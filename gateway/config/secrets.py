@@ -8,10 +8,8 @@ from __future__ import annotations
 
 import os
 import stat
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
-
-from pydantic import BaseModel
 
 from gateway.config.reading import parse
 from gateway.config.schema import Config
@@ -56,8 +54,13 @@ def password_in(path: Path, *, key: str = "password_file") -> str:
 
 def files_of(config: Config) -> dict[Path, bool]:
     """Return every file that a configuration refers to, as it is named there, and whether it is a secret."""
-    # Of a certificate and a key in one file the key counts.
-    return dict(sorted(_files_in(config), key=lambda found: found[1]))
+    given = (item for _, table in config.tables() for item in table)
+    files = [
+        (Path(value), name in _SECRET_FILES) for name, value in given if name.endswith("_file") and value
+    ]
+    return dict(
+        sorted(files, key=lambda file: file[1])
+    )  # of a certificate and key in one file the key counts
 
 
 def without_logins(text: str, config: Config) -> tuple[str, list[str]]:
@@ -92,13 +95,3 @@ def _first_line(path: Path, key: str) -> str:
 
 def _unusable(path: Path, key: str, what: str, hint: str) -> ConfigError:
     return ConfigError(str(path), [Problem(key, what, hint)])
-
-
-def _files_in(table: BaseModel) -> Iterator[tuple[Path, bool]]:
-    for name in type(table).model_fields:
-        value = getattr(table, name)
-        if name.endswith("_file") and value is not None:
-            yield Path(value), name in _SECRET_FILES
-        for item in value if isinstance(value, tuple) else (value,):
-            if isinstance(item, BaseModel):
-                yield from _files_in(item)

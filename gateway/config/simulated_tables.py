@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from contextlib import suppress
 from typing import Annotated, Literal
 
 from pydantic import Field
@@ -57,10 +58,10 @@ class SimulatedTable(ConfigTable):
         """Yield what a starter of this family cannot be given, by keys that begin below this table."""
         for option in ("markers", "braking_s"):
             rows = profile.simulated.get(option)
-            if getattr(self, option) and rows != ():
+            if vars(self).get(option) and rows != ():
                 hint = f"set {' and '.join(rows)} as parameters" if rows else "leave it out"
                 yield Mistake((option,), f"{profile.family} has no such option", hint)
-        for code in self.parameters:
+        for code in vars(self).get("parameters", ()):
             row = profile.parameters.get(code)
             if row is None or row.table.is_bits or row.words != 1:
                 hint = "a parameter of one register by its code, such as P314 or C8.2.5.3"
@@ -72,7 +73,6 @@ class SimulatedTable(ConfigTable):
 
 
 def _is_marker(profile: Profile, code: str) -> bool:
-    try:
+    with suppress(CommandError):
         return parameters.find(profile, code).table.is_bits
-    except CommandError:
-        return False
+    return False

@@ -14,8 +14,9 @@ from gateway.errors import Problem
 _PART = re.compile(r"""\"(?:[^"\\]|\\.)*"|'[^']*'|[A-Za-z0-9_-]+""")  # of a key
 _NAME = rf"(?:{_PART.pattern})(?:\s*\.\s*(?:{_PART.pattern}))*"
 _LINE = re.compile(rf"\s*(?:(\[\[?)\s*)?({_NAME})\s*(?(1)\]|=)")  # a header, or a key with its value
+_LONG = re.compile(r"""(?s)(\"{3}(?:\\.|.)*?\"{3}|'{3}.*?'{3})|\"(?:\\.|[^\"\\])*\"|'[^'\n]*'|#[^\n]*""")
 _PLACE = re.compile(r" \(at (?:line (\d+), column (\d+)|end of document)\)$")
-_QUOTES = "close it with the quote it begins with"
+_UNCLOSED = ('Expected "', "Unterminated", "Illegal character '\\n'", "Found invalid character '\\n'")
 _HINTS = {  # by how the parser's message begins (CPython, Lib/tomllib/_parser.py)
     "Invalid value": 'text goes in quotes: "..."; true and false are small; a number begins with a digit',
     "Expected newline": "one key a line; text goes in quotes; a decimal point is a point: 0.5",
@@ -23,12 +24,9 @@ _HINTS = {  # by how the parser's message begins (CPython, Lib/tomllib/_parser.p
     "Cannot overwrite": "a key is given twice, or as a value and as a table: keep one of them",
     "Expected '='": 'such as name = "mcc1"; several words are no key',
     "Expected ']": "such as [gateway], or [[line]] with two brackets",
-    'Expected "': _QUOTES,
-    "Unterminated": _QUOTES,
-    "Illegal character '\\n'": _QUOTES,
-    "Found invalid character '\\n'": _QUOTES,
     "Unclosed": "commas between, and a bracket or brace at the end",
     "Unescaped": "write \\\\ for a \\, or put the text in single quotes",
+    **dict.fromkeys(_UNCLOSED, "close it with the quote it begins with"),
 }
 
 
@@ -37,7 +35,8 @@ def locate(text: str) -> dict[Key, int]:
     lines: dict[Key, int] = {}
     counts: dict[Key, int] = {}  # items so far of each array of tables, less one
     table: Key = ()
-    for number, line in enumerate(text.split("\n"), 1):
+    blank = _LONG.sub(lambda found: "\n" * found[0].count("\n") if found[1] else found[0], text)
+    for number, line in enumerate(blank.split("\n"), 1):
         if found := _LINE.match(line):
             brackets, parts = found[1], _PART.findall(found[2])
             key = () if brackets else table

@@ -8,22 +8,25 @@ import re
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import partial
-from typing import Annotated, Self, TypeVar
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 from urllib.parse import SplitResult, urlsplit
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, model_validator
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    ValidatorFunctionWrapHandler,
+    field_validator,
+)
 from pydantic.fields import FieldInfo
 
-from gateway.config.mistakes import Mistake, refuse, short, wrong
+from gateway.config.mistakes import Key, Mistake, WrongValueError, short, wrong
 
 SCHEMES = {"mqtt": 1883, "mqtts": 8883}
 _CERTIFICATE = "a certificate and its key go together"
-_TOGETHER = {  # a key, the key that it needs beside it, and why
-    "cert_file": ("key_file", _CERTIFICATE),
-    "key_file": ("cert_file", _CERTIFICATE),
-    "password_file": ("username", "a password belongs to a user"),
-    "commands": ("operator", "name the [[operator]] whose rights these commands have"),
-}
 
 T = TypeVar("T")
 Several = Annotated[tuple[T, ...], Field(strict=False)]  # a list in TOML
@@ -37,21 +40,18 @@ def _text(pattern: str, most: int, hint: str) -> FieldInfo:
     return field
 
 
-NAME_PATTERN = r"^[a-z0-9_-]+$"
-GLOB_PATTERN = r"^[a-z0-9_*?-]+$"
-TOPIC_PATTERN = r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$"
 _LEVEL = r"([a-z0-9_-]|\{gateway\})+"
 _BASE_PATTERN = rf"^{_LEVEL}(/{_LEVEL})*$"
 _PATH_PATTERN = r"^/([A-Za-z0-9_~-][A-Za-z0-9_.~-]*/?)*$"  # browsers resolve . and .. before they ask
+_TOPIC_PATTERN = r"^[A-Za-z0-9_.-]+(/[A-Za-z0-9_.-]+)*$"
 _HOST_PATTERN = r"^[A-Za-z0-9]([A-Za-z0-9.-]*[A-Za-z0-9])?$"
 
 Text = Annotated[str, Field(min_length=1, max_length=1024)]
-Line = Annotated[str, Field(min_length=1, max_length=60)]
-Name = Annotated[str, _text(NAME_PATTERN, 64, "only a-z, 0-9, _ and -")]
-Glob = Annotated[str, _text(GLOB_PATTERN, 64, "only a-z, 0-9, _ and -, and * or ? for any others")]
+Name = Annotated[str, _text(r"^[a-z0-9_-]+$", 64, "only a-z, 0-9, _ and -")]
+Glob = Annotated[str, _text(r"^[a-z0-9_*?-]+$", 64, "only a-z, 0-9, _ and -, and * or ? for any others")]
 User = Annotated[str, _text(r"^[A-Za-z0-9_.@-]+$", 64, "only letters, digits, _ . @ and -")]
 Firmware = Annotated[str, _text(r"^\d{1,2}\.\d{1,2}$", 5, "two numbers with a point, such as 1.30")]
-Topic = Annotated[str, _text(TOPIC_PATTERN, 128, "levels with only letters, digits, _ . and -: home/status")]
+Topic = Annotated[str, _text(_TOPIC_PATTERN, 128, "levels with only letters, digits, _ . and -: home/status")]
 Base = Annotated[str, _text(_BASE_PATTERN, 1024, "only a-z, 0-9, _ and - between slashes, and {gateway}")]
 PagePath = Annotated[str, _text(_PATH_PATTERN, 128, "a path such as /mcc1, no level beginning with a point")]
 Url = Annotated[str, _text(r"^https?://[^\s/]+(/\S*)?$", 256, "it begins with http:// or https://")]
@@ -88,18 +88,9 @@ def split_listen(listen: str) -> tuple[str, int] | None:
 
 def is_loopback(host: str) -> bool:
     """Return whether a host name or address never leaves this machine."""
-    if host == "localhost":
-        return True
-    try:
+    with suppress(ValueError):
         return ipaddress.ip_address(host).is_loopback
-    except ValueError:
-        return False
-
-
-def _as_broker(url: str) -> str:
-    if split_url(url) is None:  # not shown: a password may be in it
-        raise wrong("is no broker address", "mqtts://host:8883; a login goes into username and password_file")
-    return url
+    return host == "localhost"
 
 
 def _is_port(port: str) -> bool:
@@ -112,25 +103,29 @@ def _is_title(title: str) -> bool:
 
 
 def _only(is_right: Callable[[str], object], what: str, hint: str) -> AfterValidator:
-    """Return the check of a text: one that is not right, or raises ValueError, is refused with the hint."""
+    """Return the check of a text, which `what` shows at {}: it is wrong too where it raises ValueError."""
 
     def check(text: str) -> str:
         with suppress(ValueError):
             if is_right(text):
                 return text
-        raise wrong(f"{short(text)} {what}", hint)
+        raise wrong(what.format(short(text)), hint)
 
     return AfterValidator(check)
 
 
 _SOCKET = re.compile(r"socket://[^\s:/]+:(\d{1,5})")
-BrokerUrl = Annotated[Text, AfterValidator(_as_broker)]
-Port = Annotated[Text, _only(_is_port, "is no port", "such as /dev/serial/by-id/... or socket://host:port")]
-Listen = Annotated[Text, _only(split_listen, "is no address with a port", "127.0.0.1:8480 or [::1]:8480")]
-Title = Annotated[Line, _only(_is_title, "cannot be printed", "letters, digits, signs and spaces")]
+_LOGIN = "mqtts://host:8883; a login goes into username and password_file"
+BrokerUrl = Annotated[Text, _only(split_url, "is no broker address", _LOGIN)]  # a password may be in it
+Port = Annotated[
+    Text, _only(_is_port, "{} is no port", "such as /dev/serial/by-id/... or socket://host:port")
+]
+Listen = Annotated[Text, _only(split_listen, "{} is no address with a port", "127.0.0.1:8480 or [::1]:8480")]
+_Line = Annotated[str, Field(min_length=1, max_length=60)]
+Title = Annotated[_Line, _only(_is_title, "{} cannot be printed", "letters, digits, signs and spaces")]
 Network = Annotated[
     Text,
-    _only(partial(ipaddress.ip_network, strict=False), "is no address", "such as 192.0.2.7 or 10.0.0.0/8"),
+    _only(partial(ipaddress.ip_network, strict=False), "{} is no address", "such as 192.0.2.7 or 10.0.0.0/8"),
 ]
 
 
@@ -138,14 +133,51 @@ class ConfigTable(BaseModel):
     """What all tables share: no unknown key, no silent conversion, nothing changes after loading."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True, allow_inf_nan=False)
+    NEEDS: ClassVar[tuple[tuple[str, str, str], ...]] = (  # a key, the key that it needs beside it, and why
+        ("cert_file", "key_file", _CERTIFICATE),
+        ("key_file", "cert_file", _CERTIFICATE),
+        ("password_file", "username", "a password belongs to a user"),
+        ("commands", "operator", "name the [[operator]] whose rights these commands have"),
+    )
 
     def contradictions(self) -> Iterator[Mistake]:
         """Yield what contradicts something else in this table, by keys that begin below it."""
-        for name, (other, why) in _TOGETHER.items():
-            if getattr(self, name, None) and not getattr(self, other, None):
+        for name, other, why in self.NEEDS:
+            if vars(self).get(name) and not vars(self).get(other, "taken out"):
                 yield Mistake((name,), f"needs {other} beside it", why)
 
-    @model_validator(mode="after")
-    def _check(self) -> Self:
-        refuse(self.contradictions())
-        return self
+    def tables(self, key: Key = ()) -> Iterator[tuple[Key, ConfigTable]]:
+        """Yield this table and all within it, with their keys."""
+        yield key, self
+        for name, field in type(self).model_fields.items():
+            value, at = self.__dict__.get(name), (*key, field.alias or name)
+            if isinstance(value, ConfigTable):
+                yield from value.tables(at)
+            for place, item in enumerate(value if isinstance(value, tuple) else ()):
+                if isinstance(item, ConfigTable):
+                    yield from item.tables((*at, place))
+
+    def forget(self, key: object) -> None:
+        """Take a wrong value out; of an unknown key all that are not given: it may be any, misspelt."""
+        names = {field.alias or name: name for name, field in type(self).model_fields.items()}
+        for name in {names[str(key)]} if key in names else {*names.values()} - self.model_fields_set:
+            self.__dict__.pop(name, None)
+
+    if not TYPE_CHECKING:  # for which every name would be known then
+
+        def __getattr__(self, name: str) -> Any:
+            """Raise WrongValueError for a value that was taken out."""
+            if name in type(self).model_fields:
+                raise WrongValueError(name)
+            return super().__getattr__(name)
+
+    @field_validator("*", mode="wrap")
+    @classmethod
+    def _let_pass(cls, value: Any, validate: ValidatorFunctionWrapHandler, info: ValidationInfo) -> Any:
+        """Let a wrong value pass as None where the tables are to be read in spite of it (`context`)."""
+        try:
+            return validate(value)
+        except ValidationError:
+            if not info.context:
+                raise
+            return None

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import Any
 
 import pytest
 
@@ -12,6 +11,7 @@ from gateway.starters.known_watchdogs import KNOWN_ROWS, WATCHDOGS, KnownRows
 from gateway.store import STATE_FILE, write_document
 from tests.config.sites import SITE, changed
 from tests.rig import run_cli
+from tests.rig.sites import line, starter
 
 
 @pytest.fixture
@@ -23,33 +23,23 @@ def folder(tmp_path: Path) -> Path:
 
 
 @pytest.mark.parametrize(
-    ("where", "instead", "change", "said"),
+    "said",
     [
-        (
-            "stable_name",
-            lambda port: f"/dev/serial/by-id/usb-{port[-1]}",
-            ("/dev/rs485-pumps", "/dev/ttyUSB0"),
-            "adapter tomorrow (use /dev/serial/by-id/usb-0)",
-        ),
-        (
-            "os.access",
-            lambda path, _: path.name != "plant-ca.pem",
-            ("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"'),
-            "plant-ca.pem may not be read (let this user read it)",
-        ),
+        "warning line pumps: /dev/ttyUSB0 may be another adapter tomorrow (use /dev/serial/by-id/usb-0)",
+        "warning line b: its port is that of line pumps (put all starters of a port under one [[line]])",
+        "plant-ca.pem may not be read (let this user read it)",
     ],
 )
 def test_what_this_machine_has_otherwise_is_warned_of(
-    folder: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    where: str,
-    instead: Any,
-    change: tuple[str, str],
-    said: str,
+    folder: Path, monkeypatch: pytest.MonkeyPatch, said: str
 ) -> None:
-    monkeypatch.setattr(f"gateway.cli.check.{where}", instead)
+    monkeypatch.setattr("gateway.cli.check.stable_name", lambda port: f"/dev/serial/by-id/usb-{port[-1]}")
+    monkeypatch.setattr("gateway.cli.check.os.access", lambda path, _: path.name != "plant-ca.pem")
     (folder / "plant-ca.pem").touch()
-    (folder / "site.toml").write_text(changed(change), "utf-8")
+    (folder / "link").symlink_to("/dev/ttyUSB0")
+    second = line("b", port=str(folder / "link")) + starter("mixer", 1, "sst")
+    text = changed(("/dev/rs485-pumps", "/dev/ttyUSB0"), ("[mqtt]", '[mqtt]\nca_file = "plant-ca.pem"'))
+    (folder / "site.toml").write_text(text.replace("[[operator]]", second + "[[operator]]"), "utf-8")
 
     ran = run_cli("check", str(folder / "site.toml"))
 

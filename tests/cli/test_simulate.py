@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import json
-import re
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +14,7 @@ from gateway.cli.demo.knobs import answer_to, simulator_topics
 from gateway.cli.demo.simulate import simulate, simulated_unit
 from gateway.cli.main import main
 from gateway.config.reading import load, parse
-from gateway.errors import ConfigError, UsageError
+from gateway.errors import UsageError
 from gateway.families import FAMILIES
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.modbus.writes import WriteCoil, WriteRegister
@@ -62,27 +61,7 @@ def test_firmware_and_parameters_are_the_configurations() -> None:
     assert not talk.unit.motor.is_turned_on
 
 
-@pytest.mark.parametrize(
-    ("family", "more", "text"),
-    [
-        ("ssw07", "parameters = { P999 = 1 }", "simulated.parameters.P999: ssw07 has no such parameter"),
-        ("sst", "parameters = { COIL1 = 1 }", "simulated.parameters.COIL1: sst has no such parameter"),
-        (
-            "ssw07",
-            "parameters = { P314 = 70000 }",
-            "simulated.parameters.P314: is 70000 (must be at most 65535",
-        ),
-        ("ssw07", "markers = { DI1 = true }", "simulated.markers: ssw07 has no such option (leave it out)"),
-        ("ssw900", "markers = { P1 = true }", "simulated.markers.P1: ssw900 has no such marker (write COIL"),
-        ("ssw900", "markers = { DI70000 = true }", "simulated.markers.DI70000: ssw900 has no such marker"),
-        ("ssw900", "markers = { DI7 = 1 }", "simulated.markers.DI7: is 1 (must be true or false"),
-        ("ssw07", 'firmware = "new"', "simulated.firmware: is 'new' (two numbers with a point"),
-        ("ssw900", "braking_s = 3.0", "simulated.braking_s: ssw900 has no such option (set C7.4.1"),
-    ],
-)
-def test_what_a_simulated_starter_cannot_be_is_a_mistake(family: str, more: str, text: str) -> None:
-    with pytest.raises(ConfigError, match=re.escape(text)):
-        talk_to(family, f"[line.starter.simulated]\n{more}")
+def test_a_model_that_the_family_does_not_have_cannot_be_simulated() -> None:
     with pytest.raises(UsageError, match="cannot be simulated: model 'SST999' is not one of SST330i"):
         talk_to("sst", 'model = "SST999"')
 

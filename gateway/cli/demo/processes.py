@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 import importlib.util
-import itertools
 import os
 import shutil
 import socket
@@ -97,34 +96,15 @@ def free_port(wanted: int) -> int:
     raise BrokerError("no free port on loopback")
 
 
-@asynccontextmanager
-async def waited_for(what: str) -> AsyncIterator[None]:
-    """Say on stderr what is waited for: at once, and each second."""
-
-    async def say() -> None:
-        for second in itertools.count():
-            print(f"waiting for {what}" + (f", {second} s" if second else ""), file=sys.stderr, flush=True)
-            await asyncio.sleep(1.0)
-
-    saying = asyncio.create_task(say())
-    try:
-        yield
-    finally:
-        saying.cancel()
-
-
 async def _has_begun(broker: Process, port: int) -> bool:
     """Return whether a broker listens, in time and before it ends."""
-    for _ in range(int(_START_TIMEOUT_S / 0.1)):
-        if broker.returncode is not None:
-            break
-        with suppress(OSError):
-            _, writer = await asyncio.open_connection("127.0.0.1", port)
-            writer.close()
-            with suppress(OSError):
-                await writer.wait_closed()
-            return True
-        await asyncio.sleep(0.1)
+    with suppress(TimeoutError):
+        async with asyncio.timeout(_START_TIMEOUT_S):
+            while broker.returncode is None:
+                with suppress(ConnectionError):
+                    (await asyncio.open_connection("127.0.0.1", port))[1].close()
+                    return True
+                await asyncio.sleep(0.1)
     return False
 
 

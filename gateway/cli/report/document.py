@@ -74,7 +74,6 @@ class ReportDocument(NamedTuple):
     subtitle: str
     verdict: str
     warnings: FactTable  # sentences, the most important first
-    tiles: FactTable  # the numbers that are looked for first
     sections: Sequence[Section]  # those of which something is known
     legend: Mapping[str, str]  # the meaning of each kind of curve
 
@@ -82,21 +81,11 @@ class ReportDocument(NamedTuple):
 def document_of(facts: MotorFacts, *, gateway: str, made_s: float, language: str) -> ReportDocument:
     """Return the report of a motor, made at this time (UTC)."""
     t = _translator(language)
-    compared, warnings, totals = (
-        _comparison(facts, t),
-        [(text,) for text in _warnings(facts, t)],
-        facts.totals,
-    )
-    tiles = [
-        (t("operating hours"), _hours(facts.published.values.get("hours_total", totals.operating_s / 3600))),
-        (t("starts"), _number(totals.starts)),
-        (t("trips"), _number(totals.trips.total())),
-        (t("acceleration time"), compared.rows[0][-1]),
-    ]
+    warnings = [(text,) for text in _warnings(facts, t)]
     sections = (
         Section(t("Identity"), [FactTable(list(_identity(facts, t)))]),
         Section(t("Life"), [FactTable(list(_life(facts, t)))]),
-        Section(t("Starts"), [compared, _starts(facts, t)], [_start_curves(facts, t)]),
+        Section(t("Starts"), [_comparison(facts, t), _starts(facts, t)], [_start_curves(facts, t)]),
         Section(t("Trends by month"), [_months(facts, t)], list(_trends(facts, t))),
         Section(t("Trips"), [_trips(facts, t)]),
         Section(t("Changed parameters"), [_settings(facts, t)]),
@@ -111,7 +100,6 @@ def document_of(facts: MotorFacts, *, gateway: str, made_s: float, language: str
         subtitle=f"{t('gateway')} {gateway}, {t('made')} {_minute(rfc3339(made_s))} UTC",
         verdict=t("Attention") if warnings else t("Nothing unusual"),
         warnings=FactTable(warnings),
-        tiles=FactTable(tiles),
         sections=[section for section in sections if section.tables[-1].rows],
         legend={**{kind: t(kind) for kind in LEGEND}, "limit": f"{LIMIT_PCT:g} % {t('from the baseline')}"},
     )
@@ -149,6 +137,8 @@ def _identity(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
 
 def _life(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
     totals = facts.totals
+    yield t("operating hours"), _hours(facts.published.values.get("hours_total", totals.operating_s / 3600))
+    yield t("starts"), _number(totals.starts)
     hours = (f"{BANDS[name]}\xa0%:\xa0{_hours(s / 3600)}" for name, s in totals.bands_s.items())
     yield t("hours by load"), ", ".join(hours)
     yield t("energy"), _number(float(facts.published.values.get("energy_kwh", totals.energy_kwh)), "kWh")

@@ -19,14 +19,12 @@ _SAMPLE = '<svg viewBox="0 0 26 8"><path class="curve {kind}" d="M0 4h26"/></svg
 def to_html(document: ReportDocument, *, language: str) -> str:
     """Return the report as a whole document."""
     title = f"{document.title} {document.starter}"
-    tiles = (f"<div><b>{_e(value)}</b><span>{_e(label)}</span></div>" for label, value in document.tiles.rows)
     sections = [_section(section, document.legend) for section in document.sections]
     warn = " warn" if document.warnings.rows else ""
     parts = (
         f"<header><h1><small>{_e(document.title)}</small>{_e(document.starter)}</h1>",
         f"<small>{_e(document.subtitle)}</small></header>",
         f'<div class="state{warn}"><b>{_e(document.verdict)}</b>{_table(document.warnings)}</div>',
-        f'<div class="tiles">{"".join(tiles)}</div>',
         f'<div class="two">{"".join(sections[:BESIDE])}</div>',
         *sections[BESIDE:],
         "<footer>starter-gateway report</footer>",

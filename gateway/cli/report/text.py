@@ -17,7 +17,7 @@ def to_text(document: ReportDocument) -> str:
     title = f"{document.title}: {document.starter}"
     verdict = document.verdict + (":" if document.warnings.rows else ".")
     lines = [title, "=" * len(title), document.subtitle, "", verdict, *_facts(document.warnings)]
-    lines += ["", *_facts(document.tiles), ""]
+    lines += [""]
     for section in document.sections:
         lines += [section.title, "-" * len(section.title)]
         for table in section.tables:

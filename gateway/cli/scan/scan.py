@@ -11,6 +11,7 @@ import json
 import os
 import re
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import get_args
 
@@ -28,7 +29,7 @@ from gateway.cli.scan.search import (
 )
 from gateway.config import Baud, FramingText, parse
 from gateway.errors import ConfigError, UsageError
-from gateway.line import PortOpener, new_precise_loop
+from gateway.line import new_precise_loop
 from gateway.modbus import LineTiming
 
 BY_ID = Path("/dev/serial/by-id")
@@ -61,11 +62,7 @@ def run(args: argparse.Namespace) -> int:
     """Scan, and print the configuration; 1 when no starter was found."""
     settings = settings_of_search(args)
     port = args.port if "://" in args.port else os.path.abspath(args.port)
-
-    def open_with(timing: LineTiming) -> PortOpener:
-        return io.MACHINE.make_opener(port, timing)
-
-    progress = Progress()
+    progress, open_with = Progress(), partial(io.MACHINE.make_opener, port)
     try:
         with asyncio.Runner(loop_factory=new_precise_loop) as runner:
             found = runner.run(Search(settings, open_with, progress).run())

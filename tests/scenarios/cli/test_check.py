@@ -10,7 +10,6 @@ import pytest
 from tests.rig.sites import ALICE, FOUR, SSW07, WEB, line, operator, starter, table
 from tests.scenarios.cli.lines import LineRow, Texts, line_row, play_line
 
-MANY = "".join(starter(f"p{number}", number, "ssw07", watchdog_s=1.0) for number in range(1, 20))
 WATCHDOGS = tuple(enumerate((7.0, 12.0, 40.0, 2.5), 1))  # s
 
 NO_REPEATER = re.compile(r"\A(?![\s\S]*repeater)")
@@ -24,8 +23,9 @@ DATED = '[gateway]\nname = "a"\nclock = "untrusted"\n' + SSW07 + operator("alice
 SPARKPLUG = table("sparkplug", group="plant", commands=True, operator="alice")
 
 
-def crowd(*families: str) -> str:
-    return line() + "".join(starter(f"s{n}", n, each) for n, each in enumerate(families, 1))
+def crowd(*families: str, baud: int = 19200, **keys: float) -> str:
+    starters = (starter(f"s{n}", n, each, **keys) for n, each in enumerate(families, 1))
+    return line(baud=baud) + "".join(starters)
 
 
 SAID: list[tuple[str, str, Texts]] = [
@@ -154,8 +154,12 @@ MISTAKES = [  # the others: tests/config
         '[mqtt]\nurl = "mqtt://127.0.0.1"\nusername = "mcc1"\npassword_file = "mqtt.password"\n'
         + SSW07
         + WEB
-        + table("metrics", token_file="scrape.token"),
+        + table("metrics", token_file="scrape.token")
+        + table("history", values=["x"])
+        + table("homeassistant", operator="Bob"),
         (
+            "homeassistant.operator: is 'Bob' (only",  # and no mistake hides another
+            "history.values[0]: 'x' is a point of no starter",
             re.compile(
                 r"line 8: mqtt.password_file: \S+/mqtt.password: No such file or directory \(create it, mode"
             ),
@@ -166,9 +170,24 @@ MISTAKES = [  # the others: tests/config
     ("a header that is not closed", SSW07 + "[web\n", "line 17: syntax: Expected ']'"),
     (
         "a watchdog that the line cannot keep",
-        line(baud=9600) + MANY,
-        "line[0].starter[18].watchdog_s: p19: 1 s is too short: the watchdogs on this "
+        crowd(*["ssw07"] * 19, baud=9600, watchdog_s=1.0),
+        "line[0].starter[18].watchdog_s: s19: 1 s is too short: the watchdogs on this "
         "line need 278% of the line's time (14 of its 19 starters on another line, or no watchdog below 3 s)",
+    ),
+    (
+        "every single change that helps is offered",
+        crowd(*["ssw07"] * 7, baud=9600, watchdog_s=1.0),
+        "(baud = 19200, or 2 of its 7 starters on another line, or no watchdog below 2 s)",
+    ),
+    (
+        "but no rate that the family does not have",
+        crowd(*["ssw06"] * 14, baud=38400, watchdog_s=1.0),
+        re.compile(r"\A(?![\s\S]*baud =)"),
+    ),
+    (
+        "and no watchdog that nothing has",
+        crowd(*["sst"] * 247, baud=1200, watchdog_s=255.0, response_time_s=10.0),
+        re.compile(r"\(\d+ of its 247 starters on another line\)"),
     ),
 ]
 
