@@ -70,6 +70,9 @@ class Terminal:
         except TimeoutError:
             raise AssertionError(f"never showed {pattern!r}:\n{self.text[-4000:]}") from None
 
+    def types(self, keys: str) -> None:
+        os.write(self._ours, keys.encode())
+
     def _read(self) -> None:
         try:
             self.text += _CONTROL.sub("", os.read(self._ours, 65536).decode(errors="replace"))
@@ -93,7 +96,7 @@ async def test_the_table_follows_a_start_and_says_when_it_is_not_live(
             await terminal.shows(r"NOT LIVE for")
             gateway.signal(signal.SIGCONT)
             await terminal.shows(r"online +LIVE")
-            terminal.process.send_signal(signal.SIGINT)
+            terminal.types("q")
             assert await asyncio.wait_for(terminal.process.wait(), PATIENCE_S) == 0
         gateway.signal(signal.SIGTERM)
         assert await gateway.exit_code() == 0

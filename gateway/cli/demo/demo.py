@@ -10,7 +10,8 @@ import shlex
 import shutil
 import sys
 import tempfile
-from contextlib import AsyncExitStack
+from collections.abc import Coroutine
+from contextlib import AsyncExitStack, suppress
 from pathlib import Path
 
 from gateway.app.site import Site
@@ -22,8 +23,10 @@ from gateway.cli.demo.processes import (
     demo_client,
     demo_simulator,
     free_port,
+    waited_for,
 )
 from gateway.cli.run import log_to_stderr, serve_site
+from gateway.errors import GatewayError
 from gateway.system.password_hash import password_line
 
 CONFIG, GUIDE = (Path(__file__).with_name(name) for name in ("demo.toml", "guide.txt"))
@@ -117,17 +120,17 @@ def page_of() -> tuple[str, str]:
 
 async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
     async with AsyncExitStack() as stack:
-        print("waiting for a broker on this machine", file=sys.stderr, flush=True)
-        broker = await stack.enter_async_context(demo_broker(folder))
+        async with waited_for("a broker on this machine"):
+            broker = await stack.enter_async_context(demo_broker(folder))
         path, (page, table) = folder / "demo.toml", page_of()
         text = CONFIG.read_text("utf-8").format(folder=folder, port=broker.port, version=broker.version)
         path.write_text(text + table, "utf-8")
         site = Site.read(path, os.environ)
-        print("waiting for the simulated starters", file=sys.stderr, flush=True)
-        await stack.enter_async_context(demo_simulator(path, broker_port=broker.port))
+        async with waited_for("the simulated starters"):
+            await stack.enter_async_context(demo_simulator(path, broker_port=broker.port))
         print(guide(path, site.config.lines[0].port, broker, page=page), flush=True)
         if has_plant:
-            stack.callback(asyncio.create_task(run_plant(broker.port)).cancel)
+            _beside(stack, run_plant(broker.port))
         if has_table:
             from rich.console import Console
 
@@ -135,5 +138,16 @@ async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
 
             print(f"The gateway's log is in {folder}/gateway.log\n", flush=True)
             watching = Watching(Console(), demo_client(broker.port), BASE)
-            stack.callback(asyncio.create_task(watching.show(is_full_screen=False)).cancel)
+            _beside(stack, watching.show(is_full_screen=False))
         await serve_site(path, site)
+
+
+def _beside(stack: AsyncExitStack, work: Coroutine[None, None, None]) -> None:
+    task = asyncio.ensure_future(work)
+
+    async def end() -> None:
+        task.cancel()
+        with suppress(asyncio.CancelledError, GatewayError):
+            await task
+
+    stack.push_async_callback(end)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import importlib.util
+import itertools
 import os
 import shutil
 import socket
@@ -94,6 +95,22 @@ def free_port(wanted: int) -> int:
             probe.bind(("127.0.0.1", port))
             return int(probe.getsockname()[1])
     raise BrokerError("no free port on loopback")
+
+
+@asynccontextmanager
+async def waited_for(what: str) -> AsyncIterator[None]:
+    """Say on stderr what is waited for: at once, and each second."""
+
+    async def say() -> None:
+        for second in itertools.count():
+            print(f"waiting for {what}" + (f", {second} s" if second else ""), file=sys.stderr, flush=True)
+            await asyncio.sleep(1.0)
+
+    saying = asyncio.create_task(say())
+    try:
+        yield
+    finally:
+        saying.cancel()
 
 
 async def _has_begun(broker: Process, port: int) -> bool:

@@ -1,33 +1,52 @@
-"""An overview as a table of `rich`: a row for each starter, a line above for each gateway."""
+"""An overview as lines of `rich`: one of each starter, and another one for a text that does not fit there."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from textwrap import wrap
+
+from rich.cells import cell_len
 from rich.console import Group
-from rich.table import Table
 from rich.text import Text
 
 from gateway.cli.command import counted, in_words
 from gateway.cli.watch.overview import SIGNALS, GatewayLine, Overview, StarterRow
 from gateway.contract import Quality, ValueRecord, shortened
 
+COLUMNS = ("", "starter", "state", "current", "last reply")
+TITLE, LEAST_TITLE = 1, 12  # the column that is cut where a line is too long, and to how many at most
+RIGHT = range(3, 5)  # columns of numbers
 STYLES = dict(zip(SIGNALS, ("bold white on red", "black on dark_orange", "black on yellow", ""), strict=True))
 GREY = "bright_black"  # what is not known to be so now
+INDENT = "     "  # of a second line
 
 
 def render(overview: Overview, now_s: float, width: int) -> Group:
-    """Return what is so at `now_s` (seconds since 1970), `width` columns wide; a terminal cuts its end."""
+    """Return the lines at `now_s` (seconds since 1970); a terminal shows their beginning."""
     rows, gateways = overview.rows(), [gateway for _, gateway in sorted(overview.gateways.items())]
     heads = [_head(gateway, now_s, [row for row in rows if row.gateway is gateway]) for gateway in gateways]
-    table = Table(box=None, padding=(0, 1, 0, 0), header_style="bold underline")
-    table.add_column("", no_wrap=True)
-    table.add_column("starter", no_wrap=True, max_width=width // 4)
-    table.add_column("state", no_wrap=True)
-    table.add_column("current", no_wrap=True, justify="right")
-    table.add_column("reply", no_wrap=True, justify="right")
-    table.add_column("", overflow="fold")
-    for row in rows:
-        table.add_row(*_cells(row, now_s, has_gateway=len(gateways) > 1))
-    return Group(*(heads or [Text("no gateway has published anything here yet", style=GREY)]), table)
+    cells = [[Text(title, style="bold underline") for title in COLUMNS]]
+    cells += [_cells(row, now_s, has_gateway=len(gateways) > 1) for row in rows]
+    widths = [max(cell.cell_len for cell in column) for column in zip(*cells, strict=True)]
+    too_long = sum(widths) + 2 * (len(widths) - 1) - width
+    widths[TITLE] -= max(min(too_long, widths[TITLE] - LEAST_TITLE), 0)
+    texts = ["", *("; ".join(row.texts()) for row in rows)]
+    lines = [line for pair in zip(cells, texts, strict=True) for line in _lines(*pair, widths, width)]
+    return Group(*(heads or [Text("no gateway has published anything here yet", style=GREY)]), *lines)
+
+
+def _lines(cells: Sequence[Text], text: str, widths: Sequence[int], width: int) -> Iterator[Text]:
+    """Yield the line of a starter, and where its text does not fit behind it that on lines of its own."""
+    for column, cell in enumerate(cells):
+        cell.truncate(widths[column], overflow="ellipsis")
+        pad = cell.pad_left if column in RIGHT else cell.pad_right
+        pad(widths[column] - cell.cell_len)
+    line, text = Text("  ").join(cells), shortened(text, 500)
+    if line.cell_len + 2 + cell_len(text) <= width:
+        yield line.append(f"  {text}" if text else "")
+    else:
+        yield line
+        yield from (Text(part) for part in wrap(text, width, initial_indent=INDENT, subsequent_indent=INDENT))
 
 
 def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
@@ -54,7 +73,6 @@ def _cells(row: StarterRow, now_s: float, *, has_gateway: bool) -> list[Text]:
         Text(row.state.state.replace("_", " ") + ("" if row.is_good else "?"), style=style),
         Text(" ").join([current, load]) if load else current,
         Text("never" if silent_s is None else "now" if silent_s == 0 else in_words(silent_s), style=style),
-        Text(shortened("; ".join(row.texts()), 500)),
     ]
 
 

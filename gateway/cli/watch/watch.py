@@ -22,7 +22,7 @@ ALL_GATEWAYS = "starters/+"
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's description and arguments."""
-    parser.description = "Show the starters as a live table, from MQTT alone. Ctrl-C ends it."
+    parser.description = "Show the starters as a live table, from MQTT alone. q or Ctrl-C ends it."
     parser.add_argument(
         "target", metavar="CONFIG|URL", help="a gateway's configuration, or a broker: mqtt://host[:port]"
     )

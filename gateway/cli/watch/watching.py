@@ -3,7 +3,13 @@
 from __future__ import annotations
 
 import asyncio
+import os
+import sys
+import termios
 import time
+import tty
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, nullcontext, suppress
 
 from rich.console import Console, Group
 from rich.live import Live
@@ -32,21 +38,46 @@ class Watching:
         self._console.print(self._drawn())
 
     async def show(self, *, is_full_screen: bool = True) -> None:
-        """Draw the table until cancelled; BrokerError only at first."""
+        """Draw the table until cancelled, or on the full screen until q; BrokerError only at first."""
         lost = await self._subscription.connect()
         staying = asyncio.create_task(self._subscription.stay(lost))
+        quitting = asyncio.Event()
+        has_keys = is_full_screen and sys.stdin.isatty()
         try:
-            with Live(console=self._console, screen=is_full_screen, auto_refresh=False) as live:
-                while True:
+            with (
+                _pressed("q", quitting.set) if has_keys else nullcontext(),
+                Live(console=self._console, screen=is_full_screen, auto_refresh=False) as live,
+            ):
+                while not quitting.is_set():
                     live.update(self._drawn(), refresh=True)
-                    await asyncio.sleep(DRAWN_EVERY_S)
+                    with suppress(TimeoutError):
+                        await asyncio.wait_for(quitting.wait(), DRAWN_EVERY_S)
         finally:
             staying.cancel()
 
     def _drawn(self) -> Group:
+        table = render(self._overview, time.time(), self._console.width)
         trouble = self._subscription.trouble
-        said = [Text(trouble, style=STYLES["F"])] if trouble else []
-        return Group(*said, render(self._overview, time.time(), self._console.width))
+        return Group(*([Text(trouble, style=STYLES["F"])] if trouble else []), *table.renderables)
 
     def _take(self, message: Incoming) -> None:
         self._overview.take(message.topic, message.payload, time.time())
+
+
+@contextmanager
+def _pressed(key: str, on_key: Callable[[], None]) -> Iterator[None]:
+    """Take single keys from the terminal, without an echo."""
+    terminal, loop = sys.stdin.fileno(), asyncio.get_running_loop()
+
+    def read() -> None:
+        if key.encode() in os.read(terminal, 64):
+            on_key()
+
+    before = termios.tcgetattr(terminal)
+    tty.setcbreak(terminal)
+    loop.add_reader(terminal, read)
+    try:
+        yield
+    finally:
+        loop.remove_reader(terminal)
+        termios.tcsetattr(terminal, termios.TCSADRAIN, before)
