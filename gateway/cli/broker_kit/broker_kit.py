@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+from functools import partial
 from pathlib import Path
 
-from gateway.cli.broker_kit.bridge import bridge_logins
 from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on
 from gateway.cli.broker_kit.kit import CENTRAL, is_kit, write_kit
-from gateway.cli.broker_kit.logins import FOLDER, logins_of
+from gateway.cli.broker_kit.logins import FOLDER, bridge_logins, logins_of
 from gateway.cli.broker_kit.proof import BrokerProof
 from gateway.cli.broker_kit.rights import Login, remote_clients
-from gateway.cli.broker_kit.settings import OPTIONS, KitSettings
+from gateway.cli.broker_kit.settings import OPTIONS, KitSettings, checked
 from gateway.cli.command import flag
 from gateway.cli.doctor.machine import dated_finding
 from gateway.config import Config, load, password_in
@@ -35,15 +35,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flag(actions, "--update", about=about)
     about = "contents of the kit (an update keeps the previous ones; '' takes one away)"
     contents = parser.add_argument_group(about)
-    for name, option in OPTIONS.items():
-        is_one = isinstance(KitSettings.model_fields[option.sets].default, str)
+    for name, field, metavar, pattern, about in OPTIONS:
+        is_one = isinstance(KitSettings.model_fields[field].default, str)
         contents.add_argument(
             name,
             action="store" if is_one else "append",
-            dest=option.sets,
-            metavar=option.metavar,
-            type=option.checked,
-            help=option.about + ("" if is_one else "; may be repeated"),
+            dest=field,
+            metavar=metavar,
+            type=partial(checked, pattern=pattern, metavar=metavar),
+            help=about + ("" if is_one else "; may be repeated"),
         )
 
 

@@ -12,9 +12,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from gateway.cli.broker_kit.bridge import LOOPBACK_PORT, bridge_conf, central_logins, edge_port
+from gateway.cli.broker_kit.bridge import LOOPBACK_PORT, bridge_conf, edge_port
 from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY, complete_certificates
-from gateway.cli.broker_kit.logins import FOLDER, logins_of, write_logins
+from gateway.cli.broker_kit.logins import FOLDER, central_logins, logins_of, write_logins
 from gateway.cli.broker_kit.rights import Login
 from gateway.cli.broker_kit.settings import SETTINGS, KitSettings
 from gateway.config import Config, is_loopback
@@ -73,7 +73,7 @@ def write_kit(config: Config, folder: Path, settings: KitSettings) -> tuple[Logi
     Passwords and certificates that are in the folder stay, also the central broker's authority.
     """
     logins, base = logins_of(config, settings), settings.central_base(config)
-    there = central_logins(config, logins, base) if base else ()
+    there = central_logins(config, base) if base else ()
     try:
         with _replaced(folder) as stage:
             for name in (CA, CA_KEY, CERT, KEY, *((CENTRAL_CA,) if there else ())):
@@ -87,9 +87,8 @@ def write_kit(config: Config, folder: Path, settings: KitSettings) -> tuple[Logi
             if there:
                 text = bridge_conf(
                     config,
+                    settings,
                     logins,
-                    address=settings.central_address(),
-                    base=base,
                     ca_path=f"{INSTALLED}/{CENTRAL_CA}" if (stage / CENTRAL_CA).exists() else "",
                     passwords=passwords,
                     central_passwords=write_logins(stage / CENTRAL, there, stored=folder / CENTRAL),

@@ -13,7 +13,15 @@ import secrets
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from gateway.cli.broker_kit.rights import PROBE, Login, Role, give_rights, sparkplug_here
+from gateway.cli.broker_kit.rights import (
+    PROBE,
+    Login,
+    Role,
+    clients_of,
+    give_rights,
+    remote_clients,
+    sparkplug_here,
+)
 from gateway.cli.broker_kit.settings import LOGIN_NAME, KitSettings
 from gateway.config import Config, password_in
 from gateway.errors import ConfigError, Problem, UsageError
@@ -21,6 +29,7 @@ from gateway.errors import ConfigError, Problem, UsageError
 FOLDER = "logins"  # of a kit: one file a login
 PROVER = "prover"  # reads everything, for the proof
 BRIDGE_UP, BRIDGE_DOWN = "bridge-up", "bridge-down"
+NOTICE = "bridge"  # below the central base: 1 while the telemetry's connection is there, else 0; retained
 
 _HOME_ASSISTANT, _SPARKPLUG_HOST = "home-assistant", "sparkplug-host"  # where no [[operator]] is named
 _ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
@@ -36,24 +45,38 @@ _HEAD = """\
 
 def logins_of(config: Config, settings: KitSettings) -> tuple[Login, ...]:
     """Return every login with its rights; ConfigError or UsageError when two would have one name."""
-    found = by_name(_named(config, settings))
+    found = _by_name(_named(config, settings))
     spb, home = sparkplug_here(config), config.home_assistant
     if home is not None:
         _add_role(found, home.operator or _HOME_ASSISTANT, Role.HOME_ASSISTANT)
     if spb is not None:
         _add_role(found, spb.operator or _SPARKPLUG_HOST, Role.SPARKPLUG_HOST)
-    give_rights(found.values(), config, settings.central_base(config))
+    give_rights(found.values(), config, base=config.base, central_base=settings.central_base(config))
     return tuple(login for login in found.values() if login.name != BRIDGE_DOWN or login.writes)
 
 
-def by_name(logins: Iterable[Login]) -> dict[str, Login]:
-    """Return logins by their names; UsageError when two would have one, or one that of the proof's probes."""
-    found: dict[str, Login] = {}
-    for login in logins:
-        if login.name in found or PROBE in (login.name, login.client):
-            raise UsageError(f"two logins have the name {login.name} (each needs one of its own)")
-        found[login.name] = login
-    return found
+def bridge_logins(config: Config) -> tuple[str, str]:
+    """Return the two logins of the bridge at the central broker: for telemetry, and for commands."""
+    name = gateway_login(config)
+    return f"{name}-up", f"{name}-down"
+
+
+def central_logins(config: Config, base: str) -> tuple[Login, ...]:
+    """Return who logs in at the central broker for this site, with rights below this site's base only.
+
+    UsageError for an operator with the name of one of the bridge's logins, who would have its rights.
+    """
+    up, down = (
+        Login(name, "", {role})
+        for name, role in zip(bridge_logins(config), (Role.BRIDGE_UP, Role.BRIDGE_DOWN), strict=True)
+    )
+    operators = [Login(client, client, {Role.OPERATOR}) for client in remote_clients(config)]
+    give_rights((up, down, *operators), config, base=base, central_base=base)
+    for bridge in (up, down):  # it puts there what it takes here, and the other way round
+        bridge.reads, bridge.writes = bridge.writes, bridge.reads
+    for filters in (up.writes, *(each.reads for each in operators)):
+        filters.append(f"{base}/{NOTICE}")
+    return tuple(_by_name((up, *([down] if down.reads else ()), *operators)).values())
 
 
 def gateway_login(config: Config) -> str:
@@ -102,13 +125,23 @@ def password_line(name: str, password: str, *, salt: bytes | None = None) -> str
     return f"{name}:$7${_ITERATIONS}${salt_text}${digest_text}"
 
 
+def _by_name(logins: Iterable[Login]) -> dict[str, Login]:
+    """Return logins by their names; UsageError when two would have one, or one that of the proof's probes."""
+    found: dict[str, Login] = {}
+    for login in logins:
+        if login.name in found or PROBE in (login.name, login.client):
+            raise UsageError(f"two logins have the name {login.name} (each needs one of its own)")
+        found[login.name] = login
+    return found
+
+
 def _add_role(logins: dict[str, Login], name: str, role: Role) -> None:
     logins.setdefault(name, Login(name)).roles.add(role)
 
 
 def _named(config: Config, settings: KitSettings) -> Iterator[Login]:
     """Yield the logins that have names of their own."""
-    gateway, clients = gateway_login(config), dict.fromkeys(each.client for each in config.operators)
+    gateway, clients = gateway_login(config), clients_of(config)
     yield Login(gateway, "", {Role.GATEWAY})
     for name, client in (*((each, each) for each in clients), *settings.further.items()):
         if client not in clients:

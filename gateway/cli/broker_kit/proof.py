@@ -95,31 +95,31 @@ class BrokerProof:
 
     async def _try_topics(self) -> None:
         """Publish as every login on every topic, and judge login by login."""
-        marks = {}
+        marks: dict[tuple[str, str], str] = {}
         for name in self._names:
             for topic in self._topics:
-                if topic.is_real and name in topic.writers:
-                    continue
-                message = self._probe(topic)
-                marks[name, topic.name] = message.payload.decode()
-                self._sessions[name].publish(self._sent, message)
-                if len(marks) % _AT_ONCE == 0:
-                    await self._taken()
+                if name in topic.triers:
+                    message = self._probe(topic)
+                    marks[name, topic.name] = message.payload.decode()
+                    self._sessions[name].publish(self._sent, message)
+                    if len(marks) % _AT_ONCE == 0:
+                        await self._taken()
         await self._taken()
         await asyncio.sleep(SETTLED_S)
+        arrived = self._received[PROVER]
         for name in self._names:
             if self._sessions[name].lost.done():
                 text = "was disconnected while it was tried: end the program that has its login"
                 self._judge(name, text, is_done=True, may=False)
                 continue
-            seen, arrived = self._received[name], self._received[PROVER]
+            seen = self._received[name]
             self._judge(name, "reads $SYS", is_done=_OF_BROKER in seen, may=False)
             for topic in self._topics:
-                of_writers = {marks.get((each, topic.name)) for each in topic.writers} & arrived
-                if (mark := marks.get((name, topic.name))) is not None:
-                    is_done = mark in arrived
+                if name in topic.triers:
+                    is_done = marks[name, topic.name] in arrived
                     self._judge(name, f"writes {topic.what}", is_done=is_done, may=name in topic.writers)
-                if of_writers:  # else there is nothing to be read
+                # What no login may write is not there to be read.
+                if of_writers := {marks[each, topic.name] for each in topic.writers & topic.triers} & arrived:
                     is_done = bool(of_writers & seen)
                     self._judge(name, f"reads {topic.what}", is_done=is_done, may=name in topic.readers)
 
@@ -147,8 +147,6 @@ class BrokerProof:
             for topic in (next(each for each in commands if name not in each.writers), self._topics[0])
         ]
         for name, _, will in tries:
-            if name in self._sessions:
-                await self._sessions.pop(name).disconnect()
             with suppress(BrokerError):  # a broker may refuse such a connection
                 (await connected(self._way(name), SessionParts(will))).abort()
         await asyncio.sleep(SETTLED_S)
@@ -183,7 +181,7 @@ class BrokerProof:
         parts = SessionParts(on_incoming=partial(self._take, name))
         session = await connected(self._way(name, client_id=client_id), parts)
         self._sessions[name] = session
-        tried = (topic.name for topic in self._topics if not topic.is_real)
+        tried = (topic.name for topic in self._topics if topic.triers & topic.writers)
         for wanted in (*tried, "#", f"$share/{name}/#", _OF_BROKER):
             if session.lost.done():
                 return

@@ -42,9 +42,11 @@ HOLES = {  # each in the list, and what the proof then finds
     ("user auditor\n", "user auditor\ntopic read {base}/result/#\n"): {
         "auditor: reads results for alice",
         "auditor: reads results for scada",
+        "auditor: reads results for somebody unknown",
     },
     ("topic read {base}/result/+/scada\n", "topic read {base}/result/#\n"): {
-        "scada: reads results for alice"
+        "scada: reads results for alice",
+        "scada: reads results for somebody unknown",
     },
     ("user viewer\n", "user viewer\ntopic write {base}/starter/+/state\n"): {
         "viewer: writes what a starter does",
@@ -74,6 +76,11 @@ HOLES = {  # each in the list, and what the proof then finds
     },
     ("user mcc1-spb\n", "user mcc1-spb\ntopic write acl-probe/#\n"): {
         "mcc1-spb: writes what is outside the base"
+    },
+    # a pattern is everybody's
+    ("user scada\n", "pattern write {base}/command/+/%u/stop\n\nuser scada\n"): {
+        f"{login}: writes commands of somebody unknown"
+        for login in ("mcc1", "viewer", "auditor", "prover", "mcc1-spb", "sparkplug-host")
     },
     # before the first user: for those without a login
     ("", "topic write {base}/command/#\n\n"): set[str](),
