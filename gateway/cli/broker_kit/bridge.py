@@ -12,10 +12,10 @@ connection. Of operators only those with `freshness = "issued_at"` pass, each by
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, NOTICE, bridge_logins
-from gateway.cli.broker_kit.rights import Login
+from gateway.cli.broker_kit.logins import NOTICE
+from gateway.cli.broker_kit.rights import Login, Role
 from gateway.cli.broker_kit.settings import KitSettings
 from gateway.config import Config, is_loopback
 from gateway.errors import UsageError
@@ -55,49 +55,44 @@ def edge_port(config: Config) -> int:
 
 
 def bridge_conf(
-    config: Config,
-    settings: KitSettings,
-    logins: Sequence[Login],
-    *,
-    ca_path: str,
-    passwords: Mapping[str, str],
-    central_passwords: Mapping[str, str],
+    config: Config, settings: KitSettings, logins: Sequence[Login], there: Sequence[Login], *, ca_path: str
 ) -> str:
-    """Return the configuration of the bridge's Mosquitto; it holds the passwords of both sides.
+    """Return the configuration of the bridge's Mosquitto; it holds its passwords at both brokers.
 
-    `ca_path` is the central broker's authority on the edge's machine, empty for the system's authorities.
-    UsageError for a broker at one of the bridge's ports, and for a topic that a bridge's line cannot name.
+    `there` are the central broker's logins, `ca_path` is its authority on the edge's machine, empty for the
+    system's authorities. UsageError for a broker at one of the bridge's ports, and for a topic that a
+    bridge's line cannot name.
     """
-    named, (up, down), base = {each.name: each for each in logins}, bridge_logins(config), config.base
-    out, into = named[BRIDGE_UP].reads, named[BRIDGE_DOWN].writes if BRIDGE_DOWN in named else []
+    edge, central = ({role: login for login in side for role in login.roles} for side in (logins, there))
+    out, into = edge[Role.BRIDGE_UP].reads, edge[Role.BRIDGE_DOWN].writes if Role.BRIDGE_DOWN in edge else []
     if config.mqtt.port in (LOOPBACK_PORT, BRIDGE_PORT):
         raise UsageError(f"port {config.mqtt.port} is the bridge's own (give mqtt.url another)")
     if spaced := [each for each in (*out, *into) if " " in each]:
         raise UsageError(f"a bridge cannot pass {spaced[0]!r} (choose names without spaces)")
-    here, there = f"127.0.0.1:{edge_port(config)}", settings.central_base(config)
+    here, base = f"127.0.0.1:{edge_port(config)}", settings.central_base(config)
     away = f"{settings.central_address()}\n"
     away += f"bridge_cafile {ca_path}" if ca_path else "bridge_capath /etc/ssl/certs"
     parts = [_HEAD]
-    for name, login, known, place, filters, direction, other in (
-        ("edge-telemetry", BRIDGE_UP, passwords, here, out, "in", base),
-        ("telemetry", up, central_passwords, away, out, "out", there),
-        ("commands", down, central_passwords, away, into, "in", there),
-        ("edge-commands", BRIDGE_DOWN, passwords, here, into, "out", base),
+    for name, side, role, place, filters, direction, other in (
+        ("edge-telemetry", edge, Role.BRIDGE_UP, here, out, "in", config.base),
+        ("telemetry", central, Role.BRIDGE_UP, away, out, "out", base),
+        ("commands", central, Role.BRIDGE_DOWN, away, into, "in", base),
+        ("edge-commands", edge, Role.BRIDGE_DOWN, here, into, "out", config.base),
     ):
         if not filters:
             continue
-        is_notified = name == "telemetry"
+        login, is_notified = side[role], name == "telemetry"
         parts += [
             f"connection {config.gateway.name}-{name}",
             f"address {place}",
-            f"remote_clientid {login}\nremote_username {login}\nremote_password {known[login]}",
+            f"remote_clientid {login.name}\nremote_username {login.name}\nremote_password {login.password}",
             _CLEAN if name.endswith("commands") else _WAITING,
             "restart_timeout 5 120" if is_notified else "restart_timeout 2 30",
-            f"notification_topic {there}/{NOTICE}" if is_notified else "notifications false",
+            f"notification_topic {base}/{NOTICE}" if is_notified else "notifications false",
         ]
         for each in filters:  # below the gateway's base the other side has another one
-            pattern = each.removeprefix(f"{base}/")
-            moved = f" {base}/ {other}/" if pattern != each else ""
+            pattern = each.removeprefix(f"{config.base}/")
+            moved = f" {config.base}/ {other}/" if pattern != each else ""
             parts.append(f"topic {pattern} {direction} 1{moved}")
         parts.append("")
     return "\n".join(parts)

@@ -90,8 +90,9 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
 def _prove(config: Config, place: Path, folder: Path) -> int:
     """Prove the rights of every login of the kit, and print what is wrong; 1 when something is."""
     logins = logins_of(config, KitSettings.read(folder))
-    passwords = {login.name: password_in(folder / FOLDER / login.name, key="password") for login in logins}
-    proof = BrokerProof(config, place, logins, passwords)
+    for login in logins:
+        login.password = password_in(folder / FOLDER / login.name, key="password")
+    proof = BrokerProof(config, place, logins)
     asyncio.run(proof.run())
     for finding in proof.findings():
         print(finding)

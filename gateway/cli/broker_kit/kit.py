@@ -25,18 +25,7 @@ CENTRAL_CA = "central-ca.pem"
 INSTALLED = "/etc/mosquitto/starter-gateway"  # where the files lie that Mosquitto reads
 
 _PUBLIC = (CA, CERT, CENTRAL_CA)
-_PARTS = (
-    "passwords",
-    "acl",
-    FOLDER,
-    CA_KEY,
-    KEY,
-    *_PUBLIC,
-    "mosquitto.conf",
-    "bridge.conf",
-    CENTRAL,
-    SETTINGS,
-)
+_CHANGING = (FOLDER, "bridge.conf", CENTRAL, CENTRAL_CA)  # not in every kit, or not with the same files
 _STAGE = ".new-"
 _HEAD = """\
 # Mosquitto for Starter Gateway, in /etc/mosquitto/conf.d/; written by `starter-gateway broker-kit`.
@@ -82,17 +71,12 @@ def write_kit(config: Config, folder: Path, settings: KitSettings) -> tuple[Logi
             if config.mqtt.is_tls:
                 hosts = dict.fromkeys((*settings.hosts, config.mqtt.host))
                 complete_certificates(stage, [*hosts], gateway=config.gateway.name)
-            passwords = write_logins(stage, logins, stored=folder)
+            write_logins(stage, logins, stored=folder)
             (stage / "mosquitto.conf").write_text(broker_conf(config, has_bridge=bool(there)), "utf-8")
             if there:
-                text = bridge_conf(
-                    config,
-                    settings,
-                    logins,
-                    ca_path=f"{INSTALLED}/{CENTRAL_CA}" if (stage / CENTRAL_CA).exists() else "",
-                    passwords=passwords,
-                    central_passwords=write_logins(stage / CENTRAL, there, stored=folder / CENTRAL),
-                )
+                ca_path = f"{INSTALLED}/{CENTRAL_CA}" if (stage / CENTRAL_CA).exists() else ""
+                write_logins(stage / CENTRAL, there, stored=folder / CENTRAL)
+                text = bridge_conf(config, settings, logins, there, ca_path=ca_path)
                 (stage / "bridge.conf").write_text(text, "utf-8")
             (stage / SETTINGS).write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")
     except OSError as error:
@@ -131,14 +115,12 @@ def _replaced(folder: Path) -> Iterator[Path]:
     with TemporaryDirectory(prefix=_STAGE, dir=folder) as name:
         stage = Path(name)
         yield stage
-        for path in stage.rglob("*"):
-            if path.is_file():
-                path.chmod(0o644 if str(path.relative_to(stage)) in _PUBLIC else 0o600)
-        # One by one, the mark of a kit at last: at a kill each file is the old or the new one.
         new = sorted(path.relative_to(stage) for path in stage.rglob("*") if path.is_file())
+        # One by one, the mark of a kit at last: at a kill each file is the old or the new one.
         for path in sorted(new, key=lambda path: str(path) == SETTINGS):
+            (stage / path).chmod(0o644 if str(path) in _PUBLIC else 0o600)
             (folder / path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             (stage / path).replace(folder / path)
-        for old in [each for part in _PARTS for each in (folder / part, *(folder / part).rglob("*"))]:
+        for old in [each for part in _CHANGING for each in (folder / part, *(folder / part).rglob("*"))]:
             if not old.is_dir() and old.relative_to(folder) not in new:
                 old.unlink(missing_ok=True)

@@ -32,8 +32,10 @@ BRIDGE_UP, BRIDGE_DOWN = "bridge-up", "bridge-down"
 NOTICE = "bridge"  # below the central base: 1 while the telemetry's connection is there, else 0; retained
 
 _HOME_ASSISTANT, _SPARKPLUG_HOST = "home-assistant", "sparkplug-host"  # where no [[operator]] is named
-_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
-_SALT_BYTES, _HASH_BYTES, _PASSWORD_BYTES = 12, 64, 20
+_ITERATIONS = (
+    101  # mosquitto_passwd's; no number of them could improve the 160 bits of a password that is drawn here
+)
+_SALT_BYTES, _HASH_BYTES = 12, 64
 _HEAD = """\
 # Who may do what at the broker; written by `starter-gateway broker-kit`, from [[operator]] and mqtt.base.
 #
@@ -99,22 +101,19 @@ def access_list(logins: Iterable[Login]) -> str:
     return "\n".join([_HEAD, *blocks])
 
 
-def write_logins(folder: Path, logins: Sequence[Login], *, stored: Path) -> dict[str, str]:
+def write_logins(folder: Path, logins: Sequence[Login], *, stored: Path) -> None:
     """Write an access list, Mosquitto's password file, and each login's password in a file of its own.
 
-    Return the passwords: those that the folder `stored` has, else new ones.
+    The passwords are those that the folder `stored` has, else new ones.
     """
     (folder / FOLDER).mkdir(mode=0o700, parents=True)
-    passwords = {}
     for login in logins:
-        file = stored / FOLDER / login.name
-        password = password_in(file) if file.exists() else secrets.token_urlsafe(_PASSWORD_BYTES)
-        (folder / FOLDER / login.name).write_text(f"{password}\n", "utf-8")
-        passwords[login.name] = password
-    lines = (f"{password_line(name, password)}\n" for name, password in passwords.items())
+        is_known = (stored / FOLDER / login.name).exists()
+        login.password = password_in(stored / FOLDER / login.name) if is_known else secrets.token_urlsafe(20)
+        (folder / FOLDER / login.name).write_text(f"{login.password}\n", "utf-8")
+    lines = (f"{password_line(login.name, login.password)}\n" for login in logins)
     (folder / "passwords").write_text("".join(lines), "utf-8")
     (folder / "acl").write_text(access_list(logins), "utf-8")
-    return passwords
 
 
 def password_line(name: str, password: str, *, salt: bytes | None = None) -> str:

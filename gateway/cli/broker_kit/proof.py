@@ -11,7 +11,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -43,20 +43,16 @@ _AT_ONCE = 200  # messages until the broker has taken what was before them
 class BrokerProof:
     """The connections of all logins, and what was found; `place` is the configuration's folder."""
 
-    def __init__(
-        self, config: Config, place: Path, logins: tuple[Login, ...], passwords: Mapping[str, str]
-    ) -> None:
+    def __init__(self, config: Config, place: Path, logins: Sequence[Login]) -> None:
         self.probes = self.wrong = 0
         self._config = config
         self._place = place
-        self._passwords = passwords
         self._topics = tried_topics(config, logins)
-        self._names = [login.name for login in logins]
-        self._gateway = self._names[0]
+        self._passwords = {login.name: login.password for login in logins}
+        self._gateway = logins[0].name
         self._sessions: dict[str, Session] = {}
-        self._received: defaultdict[str, set[str]] = defaultdict(set)  # by login: payloads, and $SYS
+        self._received: defaultdict[str, set[bytes | str]] = defaultdict(set)  # by login: payloads, and $SYS
         self._mark = f"{PROBE}-{secrets.token_hex(6)}"
-        self._sent = 0
         self._found: defaultdict[str, dict[Finding, None]] = defaultdict(dict)  # by login
 
     async def run(self) -> None:
@@ -67,7 +63,7 @@ class BrokerProof:
             what = "the gateway is running, and the proof needs its login"
             raise StartError(what, "systemctl stop starter-gateway")
         try:
-            for name in self._names:
+            for name in self._passwords:
                 await self._connect(name)
             await self._try_topics()
             await self._try_client_ids()
@@ -95,19 +91,15 @@ class BrokerProof:
 
     async def _try_topics(self) -> None:
         """Publish as every login on every topic, and judge login by login."""
-        marks: dict[tuple[str, str], str] = {}
-        for name in self._names:
-            for topic in self._topics:
-                if name in topic.triers:
-                    message = self._probe(topic)
-                    marks[name, topic.name] = message.payload.decode()
-                    self._sessions[name].publish(self._sent, message)
-                    if len(marks) % _AT_ONCE == 0:
-                        await self._taken()
+        tries = [(name, each) for name in self._passwords for each in self._topics if name in each.triers]
+        for number, (name, topic) in enumerate(tries):
+            self._sessions[name].publish(number, self._probe(name, topic))
+            if number % _AT_ONCE == 0:
+                await self._taken()
         await self._taken()
         await asyncio.sleep(SETTLED_S)
         arrived = self._received[PROVER]
-        for name in self._names:
+        for name in self._passwords:
             if self._sessions[name].lost.done():
                 text = "was disconnected while it was tried: end the program that has its login"
                 self._judge(name, text, is_done=True, may=False)
@@ -116,16 +108,16 @@ class BrokerProof:
             self._judge(name, "reads $SYS", is_done=_OF_BROKER in seen, may=False)
             for topic in self._topics:
                 if name in topic.triers:
-                    is_done = marks[name, topic.name] in arrived
+                    is_done = self._probe(name, topic).payload in arrived
                     self._judge(name, f"writes {topic.what}", is_done=is_done, may=name in topic.writers)
-                # What no login may write is not there to be read.
-                if of_writers := {marks[each, topic.name] for each in topic.writers & topic.triers} & arrived:
+                of_writers = {self._probe(each, topic).payload for each in topic.writers & topic.triers}
+                if of_writers := of_writers & arrived:  # else there is nothing to be read
                     is_done = bool(of_writers & seen)
                     self._judge(name, f"reads {topic.what}", is_done=is_done, may=name in topic.readers)
 
     async def _try_client_ids(self) -> None:
         """Connect as every other login with the gateway's client id: its own connection must survive."""
-        for name in [each for each in self._names if each != self._gateway]:
+        for name in [each for each in self._passwords if each != self._gateway]:
             with suppress(BrokerError):  # a broker may refuse the id
                 session = await connected(self._way(name, client_id=self._config.client_id))
                 await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
@@ -141,8 +133,8 @@ class BrokerProof:
         await self._connect(PROVER)
         commands = [each for each in self._topics if f"{self._config.base}/command/" in each.name]
         tries = [
-            (name, topic, self._probe(topic))
-            for name in self._names
+            (name, topic, self._probe(name, topic, by="will"))
+            for name in self._passwords
             if name != PROVER
             for topic in (next(each for each in commands if name not in each.writers), self._topics[0])
         ]
@@ -151,7 +143,7 @@ class BrokerProof:
                 (await connected(self._way(name), SessionParts(will))).abort()
         await asyncio.sleep(SETTLED_S)
         for name, topic, will in tries:
-            is_done = will.payload.decode() in self._received[PROVER]
+            is_done = will.payload in self._received[PROVER]
             text = f"publishes {topic.what} by a last will"
             self._judge(name, text, is_done=is_done, may=name in topic.writers)
 
@@ -193,11 +185,11 @@ class BrokerProof:
 
     def _take(self, name: str, incoming: Incoming) -> None:
         is_of_broker = incoming.topic.startswith("$SYS")
-        self._received[name].add(_OF_BROKER if is_of_broker else incoming.payload.decode("utf-8", "replace"))
+        self._received[name].add(_OF_BROKER if is_of_broker else incoming.payload)
 
-    def _probe(self, topic: TriedTopic) -> Message:
-        self._sent += 1
-        return Message(topic.name, f"{self._mark} {self._sent}".encode(), qos=1, retain=False)
+    def _probe(self, name: str, topic: TriedTopic, *, by: str = "") -> Message:
+        """Return the message that a login publishes on a topic; no other has its payload."""
+        return Message(topic.name, f"{self._mark} {name} {topic.name} {by}".encode(), qos=1, retain=False)
 
     async def _taken(self) -> None:
         """Wait until the broker has taken everything."""

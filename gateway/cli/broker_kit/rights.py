@@ -50,6 +50,7 @@ class Login:
     roles: set[Role] = field(default_factory=set)
     reads: list[str] = field(default_factory=list)  # topic filters
     writes: list[str] = field(default_factory=list)
+    password: str = ""  # which a kit knows
 
 
 class Right(NamedTuple):
