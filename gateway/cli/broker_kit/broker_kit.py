@@ -7,9 +7,9 @@ import asyncio
 from functools import partial
 from pathlib import Path
 
-from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on
+from gateway.cli.broker_kit.certificates import CA_KEY, CERT, ends_on
 from gateway.cli.broker_kit.kit import CENTRAL, is_kit, write_kit
-from gateway.cli.broker_kit.logins import FOLDER, bridge_logins, logins_of
+from gateway.cli.broker_kit.logins import FOLDER, logins_of
 from gateway.cli.broker_kit.proof import BrokerProof
 from gateway.cli.broker_kit.rights import Login, remote_clients
 from gateway.cli.broker_kit.settings import OPTIONS, KitSettings, checked
@@ -69,19 +69,13 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
         whose = f" of {login.client}" if login.client not in ("", login.name) else ""
         print(f"  {login.name:{width}}  {', '.join(sorted(login.roles))}{whose}")
     if config.mqtt.is_tls:
-        ends = ends_on(folder / CERT), ends_on(folder / CA)
-        print(f"the broker's certificate is valid until {ends[0]}, its authority until {ends[1]}")
+        print(f"the broker's certificate is valid until {ends_on(folder / CERT)}; --update signs the next")
         if (folder / CA_KEY).exists():
-            print(
-                f"  --update signs the next one, within {BROKER_DAYS} days; store {CA_KEY} off this machine"
-            )
+            print(f"  store {CA_KEY} off this machine")
     if settings.bridge:
-        up, down = bridge_logins(config)
-        remote = remote_clients(config)
+        whose = ", ".join(remote_clients(config)) or 'no operator (freshness = "issued_at")'
         print(f"the bridge to {settings.bridge}: bridge.conf; for the central broker: {folder / CENTRAL}")
-        print(f"  logins {up} and {down}; commands of {', '.join(remote) or 'no operator'} come in")
-        if not remote:
-            print('  (an [[operator]] with freshness = "issued_at" may command over the bridge)')
+        print(f"  commands of {whose} come in")
         if dated := dated_finding(config):
             print(dated)
     print("install and prove it: docs/broker.md")

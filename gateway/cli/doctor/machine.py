@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from gateway.cli.command import counted
 from gateway.cli.doctor.findings import Finding
 from gateway.config import Config
 from gateway.errors import StoreError
@@ -66,14 +67,10 @@ def wear_findings(folder: Path) -> Iterator[Finding]:
         yield Finding("state_dir", str(error), Weight.NOTE)
         return
     for starter, count in sorted(writes.items()):
-        times = "once" if count == 1 else f"{count} times"
-        what = f"this gateway has written {times} to its non-volatile memory"
-        if count < WRITES_BORNE:
-            yield Finding(f"starter {starter}", what)
-        else:
-            why = f"flash is usually made for {WRITES_BORNE}"
-            remedy = f"{why}: find the program that writes the same setting repeatedly"
-            yield Finding(f"starter {starter}", what, Weight.WARNING, remedy)
+        what = f"this gateway has written {counted(count, 'time')} to its non-volatile memory"
+        remedy = f"flash is usually made for {WRITES_BORNE}: find the program that repeats the same setting"
+        trouble = (Weight.WARNING, remedy) if count >= WRITES_BORNE else ()
+        yield Finding(f"starter {starter}", what, *trouble)
 
 
 def state_dir_finding(folder: Path) -> Finding:
@@ -130,29 +127,27 @@ def disk_finding(sync_s: float | None) -> Finding | None:
     if sync_s is None:
         return None
     what = f"a write to state_dir is on the disk after {sync_s * 1e3:.0f} ms"
-    remedy = "another disk, or nothing else that writes to this one"
     if sync_s <= SLOW_DISK_S:
         return Finding("disk", what)
-    if sync_s <= INTEND_WITHIN_S:
-        return Finding("disk", f"{what}: every start waits for it", Weight.WARNING, remedy)
-    return Finding("disk", f"{what}: starts are refused, not_stored", Weight.ERROR, remedy)
+    is_refused = sync_s > INTEND_WITHIN_S
+    what += ": starts are refused, not_stored" if is_refused else ": every start waits for it"
+    remedy = "another disk, or nothing else that writes to this one"
+    return Finding("disk", what, Weight.ERROR if is_refused else Weight.WARNING, remedy)
 
 
 def sync_s(state_dir: Path) -> float | None:
     """Return the longest of some writes that wait for the disk, as the store's do; None: not possible."""
     path = state_dir / "doctor.probe"
     longest_s = 0.0
-    try:
-        with path.open("wb") as file:
-            for _ in range(SYNCS):
-                begun_s = time.perf_counter()
-                file.write(bytes(SYNC_BYTES))
-                file.flush()
-                os.fsync(file.fileno())
-                longest_s = max(longest_s, time.perf_counter() - begun_s)
-    except OSError:
-        return None
-    finally:
-        with suppress(OSError):
+    with suppress(OSError):
+        try:
+            with path.open("wb", buffering=0) as file:
+                for _ in range(SYNCS):
+                    begun_s = time.perf_counter()
+                    file.write(bytes(SYNC_BYTES))
+                    os.fsync(file.fileno())
+                    longest_s = max(longest_s, time.perf_counter() - begun_s)
+        finally:
             path.unlink()
-    return longest_s
+        return longest_s
+    return None

@@ -64,12 +64,11 @@ class LineCheckup:
                     self._say(where, f"{table.port} opens")
                     for setup in setups:
                         await self._ask_directly(setup, line)
+                    return
             except PortError as error:
                 if isinstance(error, PortLostError) or error.reason != BUSY:
                     self._say(where, str(error), Weight.ERROR)
                     return
-            else:
-                return
         self._say(where, f"{table.port} is in use; the gateway is asked over MQTT")
         for setup in setups:
             await self._ask_the_gateway(setup)
