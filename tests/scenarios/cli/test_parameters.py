@@ -51,23 +51,19 @@ SETS = [
                 out=f"{count} parameters of {name}\n",
                 err="100%",
             ),
+            file_has(
+                "set.toml", f'name = "{name}"', f'model = "{model}', *(f"{code} = {{ " for code in codes)
+            ),
             cli(f"parameters diff DIR/set.toml CONFIG:{name}", out="no setting differs"),
             restore(name, "--command-sources", out="nothing to write"),
             frames(name),
         )
-        for given, name, count in (
-            (SSW06, "fan", 71),
-            (SSW07, "pump", 67),
-            (SSW900, "mill", 501),
-            (SST, "belt", 69),
+        for given, name, count, model, codes in (
+            (SSW06, "fan", 71, "SSW-06", ("P003", "P314")),
+            (SSW07, "pump", 67, "SSW-07 85.0A", ("P003", "P314")),
+            (SSW900, "mill", 501, "SSW900", ('"C8.2.5.3"',)),
+            (SST, "belt", 69, "", ("R41",)),
         )
-    ),
-    beside(
-        "a file has the starter's facts, and each row in a line",
-        PUMP,
-        cli(SAVED),
-        cli(SAVED, code=2, err="pump.toml exists already"),
-        file_has("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { "),
     ),
     row(
         "a row that the starter refuses is noted",

@@ -19,11 +19,6 @@ from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, lin
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
 TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05"}
-NAMED = (
-    '[mqtt]\nurl = "mqtts://broker.plant:8883"\nusername = "plant"\npassword_file = "mqtt.password"\n'
-    + SSW07
-    + ALICE
-)
 
 
 def ran(words: str, **said: object) -> Any:
@@ -522,7 +517,6 @@ def test_a_tool(row: ScenarioRow) -> None:
     play(row)
 
 
-SECRET = {"mqtt.password": "secret-of-the-broker\n"}
 LOCAL = '[mqtt]\nurl = "mqtt://localhost"\nusername = "plant"\n' + SSW07 + ALICE  # without certificates
 WRONG_OPTIONS = {
     "two logins have the name": (
@@ -550,12 +544,6 @@ def kit(name: str, options: str = "", *, given: str = LOCAL, **said: Any) -> Any
 
 
 KIT = [
-    kit(
-        "a kit has a configuration, an access list, passwords and certificates",
-        given=NAMED,
-        files=SECRET,
-        out="kit",
-    ),
     kit(
         "it is for a login with a name",
         given=SSW07 + ALICE,
