@@ -28,13 +28,10 @@ from gateway.errors import ConfigError, Problem, UsageError
 
 FOLDER = "logins"  # of a kit: one file a login
 PROVER = "prover"  # reads everything, for the proof
-BRIDGE_UP, BRIDGE_DOWN = "bridge-up", "bridge-down"
 NOTICE = "bridge"  # below the central base: 1 while the telemetry's connection is there, else 0; retained
 
 _HOME_ASSISTANT, _SPARKPLUG_HOST = "home-assistant", "sparkplug-host"  # where no [[operator]] is named
-_ITERATIONS = (
-    101  # mosquitto_passwd's; no number of them could improve the 160 bits of a password that is drawn here
-)
+_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve passwords of 160 bits
 _SALT_BYTES, _HASH_BYTES = 12, 64
 _HEAD = """\
 # Who may do what at the broker; written by `starter-gateway broker-kit`, from [[operator]] and mqtt.base.
@@ -54,13 +51,7 @@ def logins_of(config: Config, settings: KitSettings) -> tuple[Login, ...]:
     if spb is not None:
         _add_role(found, spb.operator or _SPARKPLUG_HOST, Role.SPARKPLUG_HOST)
     give_rights(found.values(), config, base=config.base, central_base=settings.central_base(config))
-    return tuple(login for login in found.values() if login.name != BRIDGE_DOWN or login.writes)
-
-
-def bridge_logins(config: Config) -> tuple[str, str]:
-    """Return the two logins of the bridge at the central broker: for telemetry, and for commands."""
-    name = gateway_login(config)
-    return f"{name}-up", f"{name}-down"
+    return tuple(login for login in found.values() if login.roles != {Role.BRIDGE_DOWN} or login.writes)
 
 
 def central_logins(config: Config, base: str) -> tuple[Login, ...]:
@@ -68,10 +59,8 @@ def central_logins(config: Config, base: str) -> tuple[Login, ...]:
 
     UsageError for an operator with the name of one of the bridge's logins, who would have its rights.
     """
-    up, down = (
-        Login(name, "", {role})
-        for name, role in zip(bridge_logins(config), (Role.BRIDGE_UP, Role.BRIDGE_DOWN), strict=True)
-    )
+    name = gateway_login(config)
+    up, down = Login(f"{name}-up", "", {Role.BRIDGE_UP}), Login(f"{name}-down", "", {Role.BRIDGE_DOWN})
     operators = [Login(client, client, {Role.OPERATOR}) for client in remote_clients(config)]
     give_rights((up, down, *operators), config, base=base, central_base=base)
     for bridge in (up, down):  # it puts there what it takes here, and the other way round
@@ -146,15 +135,14 @@ def _named(config: Config, settings: KitSettings) -> Iterator[Login]:
         if client not in clients:
             raise UsageError(f"--login {name}={client}: there is no [[operator]] {client}")
         yield Login(name, client, {Role.OPERATOR})
-    bridge = ((Role.BRIDGE_UP, (BRIDGE_UP,)), (Role.BRIDGE_DOWN, (BRIDGE_DOWN,))) if settings.bridge else ()
-    guests = ((Role.VIEWER, settings.viewers), (Role.AUDITOR, settings.auditors))
-    for role, names in (*guests, *bridge, (Role.PROVER, (PROVER,))):
-        yield from (Login(name, "", {role}) for name in names)
+    bridge = [("bridge-up", Role.BRIDGE_UP), ("bridge-down", Role.BRIDGE_DOWN)] if settings.bridge else []
+    guests = [(name, Role.VIEWER) for name in settings.viewers]
+    guests += [(name, Role.AUDITOR) for name in settings.auditors]
+    yield from (Login(name, "", {role}) for name, role in (*guests, *bridge, (PROVER, Role.PROVER)))
     if (table := sparkplug_here(config)) is not None:
         node = table.username or ""
         if node in (gateway, *clients) or not re.fullmatch(LOGIN_NAME, node):
             what = "the node needs a login of its own: at this broker a login has one connection at a time"
-            own = f'username = "{config.gateway.name}-spb", password_file, ca_file'
-            hint = f'urls = ["{config.mqtt.url}"], {own}'
+            hint = f'urls = ["{config.mqtt.url}"], username = "{config.gateway.name}-spb", password_file'
             raise ConfigError("broker-kit", [Problem("sparkplug.username", what, hint)])
         yield Login(node, "", {Role.SPARKPLUG_NODE})

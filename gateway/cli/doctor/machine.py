@@ -75,16 +75,12 @@ def wear_findings(folder: Path) -> Iterator[Finding]:
 
 def state_dir_finding(folder: Path) -> Finding:
     """Return whether the state directory, and all that is the gateway's in it, may be written."""
-    if not folder.exists():
-        parent = next((each for each in folder.absolute().parents if each.exists()), Path("/"))
-        if os.access(parent, os.W_OK | os.X_OK):
-            return Finding("state_dir", f"{folder} is not there yet: `run` makes it")
-        return Finding("state_dir", f"{folder} is not there", Weight.ERROR, "make it for the gateway's user")
-    if not folder.is_dir():
-        return Finding("state_dir", f"{folder} is no folder", Weight.ERROR, "choose another one")
-    if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-        what = f"{folder} may not be written by this user"
-        return Finding("state_dir", what, Weight.ERROR, "chown it to the gateway's user")
+    there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
+    if not there.is_dir() or not os.access(there, os.R_OK | os.W_OK | os.X_OK):
+        what = f"{there} is no folder, or may not be written by this user"
+        return Finding("state_dir", what, Weight.ERROR, f"make {folder}, and chown it to the gateway's user")
+    if there != folder.absolute():
+        return Finding("state_dir", f"{folder} is not there yet: `run` makes it")
     foreign = [str(path) for path in _foreign_in(folder)]
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
