@@ -199,11 +199,9 @@ def test_the_bridge_reaches_the_edge_on_a_listener_that_the_kit_has(
 def test_the_brokers_certificate_has_its_names_and_is_of_the_authority(tmp_path: Path) -> None:
     kit = made(tmp_path, "--host", "b.plant", "--host", "10.0.0.7", site=changed(NAMED))
 
-    openssl = ["openssl", "x509", "-noout", "-text", "-in", str(kit / "broker.pem")]
-    shown = subprocess.run(openssl, capture_output=True, text=True, check=True, timeout=20).stdout
-    assert "DNS:b.plant, IP Address:10.0.0.7" in shown
-    verify = ["openssl", "verify", "-x509_strict", "-CAfile", str(kit / "ca.pem"), str(kit / "broker.pem")]
-    subprocess.run(verify, capture_output=True, check=True, timeout=20)
+    for name in ("hostname b.plant", "hostname broker.plant", "ip 10.0.0.7"):
+        verify = f"openssl verify -x509_strict -verify_{name} -CAfile ca.pem broker.pem"
+        subprocess.run(verify.split(), cwd=kit, capture_output=True, check=True, timeout=20)
     public = {path.name for path in kit.rglob("*") if path.is_file() and path.stat().st_mode & 0o077}
     assert public == {"ca.pem", "broker.pem"}
     assert kit.stat().st_mode & 0o077 == 0
