@@ -14,6 +14,7 @@ from gateway.cli.broker_kit.proof import BrokerProof
 from gateway.cli.broker_kit.rights import Login, remote_clients
 from gateway.cli.broker_kit.settings import OPTIONS, KitSettings, checked
 from gateway.cli.command import flag
+from gateway.cli.doctor.findings import Findings
 from gateway.cli.doctor.machine import dated_finding
 from gateway.config import Config, load, password_in
 from gateway.errors import UsageError
@@ -86,9 +87,7 @@ def _prove(config: Config, place: Path, folder: Path) -> int:
     logins = logins_of(config, KitSettings.read(folder))
     for login in logins:
         login.password = password_in(folder / FOLDER / login.name, key="password")
-    proof = BrokerProof(config, place, logins)
+    proof, findings = BrokerProof(config, place, logins), Findings()
     asyncio.run(proof.run())
-    for finding in proof.findings():
-        print(finding)
-    print(f"{proof.probes} probes, {proof.wrong} wrong")
-    return 1 if proof.wrong else 0
+    findings.add(*proof.findings())
+    return findings.verdict()

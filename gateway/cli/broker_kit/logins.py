@@ -100,17 +100,15 @@ def write_logins(folder: Path, logins: Sequence[Login], *, stored: Path) -> None
         is_known = (stored / FOLDER / login.name).exists()
         login.password = password_in(stored / FOLDER / login.name) if is_known else secrets.token_urlsafe(20)
         (folder / FOLDER / login.name).write_text(f"{login.password}\n", "utf-8")
-    lines = (f"{password_line(login.name, login.password)}\n" for login in logins)
-    (folder / "passwords").write_text("".join(lines), "utf-8")
+    (folder / "passwords").write_text("".join(map(_password_line, logins)), "utf-8")
     (folder / "acl").write_text(access_list(logins), "utf-8")
 
 
-def password_line(name: str, password: str, *, salt: bytes | None = None) -> str:
-    """Return a login's line of the password file."""
-    salt = secrets.token_bytes(_SALT_BYTES) if salt is None else salt
-    digest = hashlib.pbkdf2_hmac("sha512", password.encode(), salt, _ITERATIONS, _HASH_BYTES)
+def _password_line(login: Login) -> str:
+    salt = secrets.token_bytes(_SALT_BYTES)
+    digest = hashlib.pbkdf2_hmac("sha512", login.password.encode(), salt, _ITERATIONS, _HASH_BYTES)
     salt_text, digest_text = (base64.b64encode(raw).decode("ascii") for raw in (salt, digest))
-    return f"{name}:$7${_ITERATIONS}${salt_text}${digest_text}"
+    return f"{login.name}:$7${_ITERATIONS}${salt_text}${digest_text}\n"
 
 
 def _by_name(logins: Iterable[Login]) -> dict[str, Login]:

@@ -44,7 +44,6 @@ class BrokerProof:
     """The connections of all logins, and what was found; `place` is the configuration's folder."""
 
     def __init__(self, config: Config, place: Path, logins: Sequence[Login]) -> None:
-        self.probes = self.wrong = 0
         self._config = config
         self._place = place
         self._topics = tried_topics(config, logins)
@@ -81,13 +80,8 @@ class BrokerProof:
 
     def _judge(self, login: str, text: str, *, is_done: bool, may: bool) -> None:
         """Note whether a login did what it must, or what it must not."""
-        self.probes += 1
-        if is_done is may:
-            self._found[login] |= {Finding(login, text): None} if may else {}
-        else:
-            self.wrong += 1
-            must = "must be allowed" if may else "must be refused"
-            self._found[login][Finding(login, text, Weight.ERROR, must)] = None
+        wrong = () if is_done is may else (Weight.ERROR, "must be allowed" if may else "must be refused")
+        self._found[login] |= {Finding(login, text, *wrong): None} if wrong or may else {}
 
     async def _try_topics(self) -> None:
         """Publish as every login on every topic, and judge login by login."""

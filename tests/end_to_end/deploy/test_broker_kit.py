@@ -7,11 +7,9 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from gateway.cli.broker_kit.logins import password_line
 from tests.end_to_end.deploy.kit_site import KitPlace, commands
 from tests.mosquitto import _find, missing_programs
 
@@ -183,18 +181,3 @@ def test_that_everybody_may_choose_a_client_id_is_found(holed: subprocess.Comple
     takers = {each.removesuffix(TAKES_ID) for each in wrong(holed) if each.endswith(TAKES_ID)}
 
     assert takers == {"alice", "scada", "viewer", "auditor", "prover", "mcc1-spb", "sparkplug-host"}
-
-
-def test_mosquitto_passwd_makes_the_same_line_of_the_same_salt(tmp_path: Path) -> None:
-    program = _find("mosquitto_passwd")
-    if program is None:
-        pytest.skip("mosquitto_passwd is not here")
-    path = tmp_path / "passwords"
-    subprocess.run(
-        [program, "-b", "-c", path, "alice", "a secret"], check=True, capture_output=True, timeout=10
-    )
-    (line,) = path.read_text("utf-8").splitlines()
-
-    import base64
-
-    assert password_line("alice", "a secret", salt=base64.b64decode(line.split("$")[3])) == line
