@@ -47,7 +47,7 @@ class BrokerProof:
         self._config = config
         self._place = place
         self._topics = tried_topics(config, logins)
-        self._passwords = {login.name: login.password for login in logins}
+        self._logins = {login.name: login for login in logins}
         self._gateway = logins[0].name
         self._sessions: dict[str, Session] = {}
         self._received: defaultdict[str, set[bytes | str]] = defaultdict(set)  # by login: payloads, and $SYS
@@ -62,7 +62,7 @@ class BrokerProof:
             what = "the gateway is running, and the proof needs its login"
             raise StartError(what, "systemctl stop starter-gateway")
         try:
-            for name in self._passwords:
+            for name in self._logins:
                 await self._connect(name)
             await self._try_topics()
             await self._try_client_ids()
@@ -85,7 +85,7 @@ class BrokerProof:
 
     async def _try_topics(self) -> None:
         """Publish as every login on every topic, and judge login by login."""
-        tries = [(name, each) for name in self._passwords for each in self._topics if name in each.triers]
+        tries = [(name, each) for name in self._logins for each in self._topics if name in each.triers]
         for number, (name, topic) in enumerate(tries):
             self._sessions[name].publish(number, self._probe(name, topic))
             if number % _AT_ONCE == 0:
@@ -93,7 +93,7 @@ class BrokerProof:
         await self._taken()
         await asyncio.sleep(SETTLED_S)
         arrived = self._received[PROVER]
-        for name in self._passwords:
+        for name in self._logins:
             if self._sessions[name].lost.done():
                 text = "was disconnected while it was tried: end the program that has its login"
                 self._judge(name, text, is_done=True, may=False)
@@ -111,7 +111,7 @@ class BrokerProof:
 
     async def _try_client_ids(self) -> None:
         """Connect as every other login with the gateway's client id: its own connection must survive."""
-        for name in [each for each in self._passwords if each != self._gateway]:
+        for name in [each for each in self._logins if each != self._gateway]:
             with suppress(BrokerError):  # a broker may refuse the id
                 session = await connected(self._way(name, client_id=self._config.client_id))
                 await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
@@ -128,7 +128,7 @@ class BrokerProof:
         commands = [each for each in self._topics if f"{self._config.base}/command/" in each.name]
         tries = [
             (name, topic, self._probe(name, topic, by="will"))
-            for name in self._passwords
+            for name in self._logins
             if name != PROVER
             for topic in (next(each for each in commands if name not in each.writers), self._topics[0])
         ]
@@ -158,17 +158,17 @@ class BrokerProof:
             self._place,
             client_id=client_id or login or PROBE,
             username=login,
-            password=None if login is None else password or self._passwords[login],
+            password=None if login is None else password or self._logins[login].password,
         )
 
     async def _connect(self, name: str) -> None:
-        """Let a login connect and ask for everything; a broker may refuse the asking."""
+        """Let a login connect and ask for everything, also by its names: a broker may refuse `#`."""
         client_id = self._config.client_id if name == self._gateway else ""
         parts = SessionParts(on_incoming=partial(self._take, name))
         session = await connected(self._way(name, client_id=client_id), parts)
         self._sessions[name] = session
         tried = (topic.name for topic in self._topics if topic.triers & topic.writers)
-        for wanted in (*tried, "#", f"$share/{name}/#", _OF_BROKER):
+        for wanted in (*tried, *self._logins[name].reads, "#", f"$share/{name}/#", _OF_BROKER):
             if session.lost.done():
                 return
             try:
