@@ -67,7 +67,7 @@ def bridge_conf(
     out, into = edge[Role.BRIDGE_UP].reads, edge[Role.BRIDGE_DOWN].writes if Role.BRIDGE_DOWN in edge else []
     if config.mqtt.port in (LOOPBACK_PORT, BRIDGE_PORT):
         raise UsageError(f"port {config.mqtt.port} is the bridge's own (give mqtt.url another)")
-    if spaced := [each for each in (*out, *into) if " " in each]:
+    if spaced := [topic for topic in (*out, *into) if " " in topic]:
         raise UsageError(f"a bridge cannot pass {spaced[0]!r} (choose names without spaces)")
     here, base = f"127.0.0.1:{edge_port(config)}", settings.central_base(config)
     away = f"{settings.central_address()}\n"
@@ -90,9 +90,9 @@ def bridge_conf(
             "restart_timeout 5 120" if is_notified else "restart_timeout 2 30",
             f"notification_topic {base}/{NOTICE}" if is_notified else "notifications false",
         ]
-        for each in filters:  # below the gateway's base the other side has another one
-            pattern = each.removeprefix(f"{config.base}/")
-            moved = f" {config.base}/ {other}/" if pattern != each else ""
+        for topic in filters:  # below the gateway's base the other side has another one
+            pattern = topic.removeprefix(f"{config.base}/")
+            moved = f" {config.base}/ {other}/" if pattern != topic else ""
             parts.append(f"topic {pattern} {direction} 1{moved}")
         parts.append("")
     return "\n".join(parts)

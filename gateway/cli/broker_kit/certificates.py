@@ -70,7 +70,7 @@ def _is_address(host: str) -> bool:
 
 
 def _make(folder: Path, subject: str, extensions: Sequence[str], *options: str) -> None:
-    added = (part for each in (*extensions, "subjectKeyIdentifier=hash") for part in ("-addext", each))
+    added = (part for text in (*extensions, "subjectKeyIdentifier=hash") for part in ("-addext", text))
     _openssl(folder, *_NEW, "-subj", subject, *added, *options)
 
 

@@ -92,7 +92,7 @@ def broker_conf(config: Config, *, has_bridge: bool) -> str:
     listeners = [f"{config.mqtt.port}{'' if config.mqtt.is_tls else address}"]
     if has_bridge and edge_port(config) == LOOPBACK_PORT:
         listeners.append(f"{LOOPBACK_PORT} 127.0.0.1")  # for the bridge
-    lines = [f"listener {each}\nuse_username_as_clientid true" for each in listeners]
+    lines = [f"listener {place}\nuse_username_as_clientid true" for place in listeners]
     if config.mqtt.is_tls:
         lines[0] += f"\ncertfile {INSTALLED}/{CERT}\nkeyfile {INSTALLED}/{KEY}\ntls_version tlsv1.2"
     queued = 100_000 if has_bridge else 1000
@@ -106,7 +106,7 @@ def _replaced(folder: Path) -> Iterator[Path]:
     UsageError for a folder with other things in it; OSError by the disk.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    others = [each.name for each in folder.iterdir() if not each.name.startswith(_STAGE)]
+    others = [path.name for path in folder.iterdir() if not path.name.startswith(_STAGE)]
     if others and not is_kit(folder):
         raise UsageError(f"{folder} holds no kit, but {min(others)} (choose a new or an empty folder)")
     folder.chmod(0o700)
@@ -121,6 +121,6 @@ def _replaced(folder: Path) -> Iterator[Path]:
             (stage / path).chmod(0o644 if str(path) in _PUBLIC else 0o600)
             (folder / path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             (stage / path).replace(folder / path)
-        for old in [each for part in _CHANGING for each in (folder / part, *(folder / part).rglob("*"))]:
+        for old in [path for part in _CHANGING for path in (folder / part, *(folder / part).rglob("*"))]:
             if not old.is_dir() and old.relative_to(folder) not in new:
                 old.unlink(missing_ok=True)

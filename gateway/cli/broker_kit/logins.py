@@ -65,7 +65,7 @@ def central_logins(config: Config, base: str) -> tuple[Login, ...]:
     give_rights((up, down, *operators), config, base=base, central_base=base)
     for bridge in (up, down):  # it puts there what it takes here, and the other way round
         bridge.reads, bridge.writes = bridge.writes, bridge.reads
-    for filters in (up.writes, *(each.reads for each in operators)):
+    for filters in (up.writes, *(login.reads for login in operators)):
         filters.append(f"{base}/{NOTICE}")
     return tuple(_by_name((up, *([down] if down.reads else ()), *operators)).values())
 
@@ -82,12 +82,13 @@ def gateway_login(config: Config) -> str:
 
 def access_list(logins: Iterable[Login]) -> str:
     """Return Mosquitto's access list; a block for each login, since what has none may do nothing."""
-    blocks = (
-        f"# {', '.join(sorted(login.roles))}\nuser {login.name}\n"
-        + "".join(f"topic {how} {each}\n" for how in ("read", "write") for each in getattr(login, f"{how}s"))
-        for login in logins
-    )
-    return "\n".join([_HEAD, *blocks])
+    lines = [_HEAD]
+    for login in logins:
+        lines += [f"# {', '.join(sorted(login.roles))}", f"user {login.name}"]
+        lines += [f"topic read {topic}" for topic in login.reads]
+        lines += [f"topic write {topic}" for topic in login.writes]
+        lines.append("")
+    return "\n".join(lines)
 
 
 def write_logins(folder: Path, logins: Sequence[Login], *, stored: Path) -> None:
@@ -129,7 +130,7 @@ def _named(config: Config, settings: KitSettings) -> Iterator[Login]:
     """Yield the logins that have names of their own."""
     gateway, clients = gateway_login(config), clients_of(config)
     yield Login(gateway, "", {Role.GATEWAY})
-    for name, client in (*((each, each) for each in clients), *settings.further.items()):
+    for name, client in (*zip(clients, clients, strict=True), *settings.further.items()):
         if client not in clients:
             raise UsageError(f"--login {name}={client}: there is no [[operator]] {client}")
         yield Login(name, client, {Role.OPERATOR})

@@ -76,7 +76,8 @@ class BrokerProof:
         """Yield what is wrong with each login; else in one line what it may do."""
         for name, found in self._found.items():
             wrong = [finding for finding in found if finding.weight is not None]
-            yield from wrong or [Finding(name, ", ".join(each.text for each in found) or "may do nothing")]
+            said = ", ".join(finding.text for finding in found)
+            yield from wrong or [Finding(name, said or "may do nothing")]
 
     def _judge(self, login: str, text: str, *, is_done: bool, may: bool) -> None:
         """Note whether a login did what it must, or what it must not."""
@@ -85,7 +86,7 @@ class BrokerProof:
 
     async def _try_topics(self) -> None:
         """Publish as every login on every topic, and judge login by login."""
-        tries = [(name, each) for name in self._logins for each in self._topics if name in each.triers]
+        tries = [(name, topic) for name in self._logins for topic in self._topics if name in topic.triers]
         for number, (name, topic) in enumerate(tries):
             self._sessions[name].publish(number, self._probe(name, topic))
             if number % _AT_ONCE == 0:
@@ -104,14 +105,14 @@ class BrokerProof:
                 if name in topic.triers:
                     is_done = self._probe(name, topic).payload in arrived
                     self._judge(name, f"writes {topic.what}", is_done=is_done, may=name in topic.writers)
-                of_writers = {self._probe(each, topic).payload for each in topic.writers & topic.triers}
+                of_writers = {self._probe(writer, topic).payload for writer in topic.writers & topic.triers}
                 if of_writers := of_writers & arrived:  # else there is nothing to be read
                     is_done = bool(of_writers & seen)
                     self._judge(name, f"reads {topic.what}", is_done=is_done, may=name in topic.readers)
 
     async def _try_client_ids(self) -> None:
         """Connect as every other login with the gateway's client id: its own connection must survive."""
-        for name in [each for each in self._logins if each != self._gateway]:
+        for name in [name for name in self._logins if name != self._gateway]:
             with suppress(BrokerError):  # a broker may refuse the id
                 session = await connected(self._way(name, client_id=self._config.client_id))
                 await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
@@ -125,12 +126,12 @@ class BrokerProof:
     async def _try_wills(self) -> None:
         """Leave a last will as every login: of the gateway it must arrive, of the others not."""
         await self._connect(PROVER)
-        commands = [each for each in self._topics if f"{self._config.base}/command/" in each.name]
+        commands = [topic for topic in self._topics if f"{self._config.base}/command/" in topic.name]
         tries = [
             (name, topic, self._probe(name, topic, by="will"))
             for name in self._logins
             if name != PROVER
-            for topic in (next(each for each in commands if name not in each.writers), self._topics[0])
+            for topic in (next(other for other in commands if name not in other.writers), self._topics[0])
         ]
         for name, _, will in tries:
             with suppress(BrokerError):  # a broker may refuse such a connection
@@ -188,6 +189,6 @@ class BrokerProof:
     async def _taken(self) -> None:
         """Wait until the broker has taken everything."""
         for _ in range(100):
-            if not any(each.in_flight and not each.lost.done() for each in self._sessions.values()):
+            if not any(session.in_flight and not session.lost.done() for session in self._sessions.values()):
                 break
             await asyncio.sleep(0.05)

@@ -96,10 +96,10 @@ def tried_topics(config: Config, logins: Sequence[Login]) -> tuple[TriedTopic, .
         for name in (PROBE, *right.real) if right.what else ():
             topic = right.topics.replace("+", PROBE).replace("#", right.end).replace(PROBE, name, 1)
             writers, readers = (
-                frozenset(each.name for each in logins if _may(getattr(each, key), topic))
+                frozenset(login.name for login in logins if _may(getattr(login, key), topic))
                 for key in ("writes", "reads")
             )
-            triers = frozenset(each.name for each in logins) - (writers if name in right.real else set())
+            triers = frozenset(login.name for login in logins) - (writers if name in right.real else set())
             found[topic] = TriedTopic(topic, right.what, triers, writers, readers)
     own = [
         TriedTopic(topic, tried.what, frozenset({login.name}), frozenset(), frozenset())
@@ -124,12 +124,12 @@ def sparkplug_here(config: Config) -> SparkplugTable | None:
 
 def clients_of(config: Config) -> tuple[str, ...]:
     """Return the operators' names, each once."""
-    return tuple(dict.fromkeys(each.client for each in config.operators))
+    return tuple(dict.fromkeys(operator.client for operator in config.operators))
 
 
 def remote_clients(config: Config) -> tuple[str, ...]:
     """Return the operators whose commands may pass a bridge: those of `freshness = "issued_at"` alone."""
-    by_token = {each.client for each in config.operators if each.freshness != "issued_at"}
+    by_token = {operator.client for operator in config.operators if operator.freshness != "issued_at"}
     return tuple(client for client in clients_of(config) if client not in by_token)
 
 
@@ -139,7 +139,7 @@ def _rights(config: Config, base: str, *, is_passing: bool) -> Iterator[Right]:
     `is_passing`: discovery, which names the edge's topics, passes a bridge, since they are the same there.
     """
     clients, remote = clients_of(config), remote_clients(config)
-    starters = [each.name for each in config.starters]
+    starters = [starter.name for starter in config.starters]
     what = "what a starter does"
     yield Right(f"{base}/starter/#", "G", "OVHU", what, end=f"{PROBE}/state", real=starters)
     yield Right(f"{base}/starter/+/event", "", "A", "events of a starter")
@@ -185,5 +185,5 @@ def _rights(config: Config, base: str, *, is_passing: bool) -> Iterator[Right]:
 
 def _may(filters: Iterable[str], topic: str) -> bool:
     """Return whether one of some filters takes a topic."""
-    patterns = (re.escape(each).replace(r"\+", "[^/]+").replace(r"/\#", "(/.*)?") for each in filters)
+    patterns = (re.escape(rule).replace(r"\+", "[^/]+").replace(r"/\#", "(/.*)?") for rule in filters)
     return any(re.fullmatch(pattern, topic) for pattern in patterns)

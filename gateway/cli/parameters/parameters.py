@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from gateway.cli.broker import add_login
-from gateway.cli.command import Progress, flag, write_text
+from gateway.cli.command import Progress, add_starter, flag, write_text
 from gateway.cli.parameters.restore import restore
 from gateway.cli.parameters.through_gateway import LiveStarter, variant_of
 from gateway.contract import rfc3339
@@ -35,10 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         actions.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
         for name, about in _ABOUT.items()
     )
-    for each, about in ((save, "a new TOML file; - for the standard output"), (restoring, "a saved file")):
-        each.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
-        each.add_argument("starter", metavar="STARTER", help="the starter's name")
-        each.add_argument("file", metavar="FILE", help=about)
+    for action, about in ((save, "a new TOML file; - for the standard output"), (restoring, "a saved file")):
+        add_starter(action)
+        action.add_argument("file", metavar="FILE", help=about)
     diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
     diff.add_argument("b", metavar="B", nargs="?", help="another one")
     flag(
@@ -53,8 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         about="also those that say who commands the motor ([protected.command_sources]): writing them may"
         " start the motor when a run command is pending in the starter",
     )
-    for each in (save, diff, restoring):
-        add_login(each, client="the operator; may be left out when there is only one")
+    for action in (save, diff, restoring):
+        add_login(action, client="the operator; may be left out when there is only one")
 
 
 def run(args: argparse.Namespace) -> int:

@@ -56,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
 def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) -> None:
     place = _place(archive, to)
     if not is_replacing and (there := [*filter(os.path.lexists, place.files), *place.old_state()]):
-        what = f"already there: {', '.join(str(each) for each in there[:3])}"
+        what = f"already there: {', '.join(str(path) for path in there[:3])}"
         raise StartError(what, "--replace sets them aside, --to DIR restores elsewhere")
     with suppress(ConfigError, OSError):
         state_dir = place.folder / load(place.path).gateway.state_dir
