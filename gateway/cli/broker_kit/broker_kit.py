@@ -74,9 +74,10 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
         if (folder / CA_KEY).exists():
             print(f"  store {CA_KEY} off this machine")
     if settings.bridge:
-        whose = ", ".join(remote_clients(config)) or 'no operator (freshness = "issued_at")'
         print(f"the bridge to {settings.bridge}: bridge.conf; for the central broker: {folder / CENTRAL}")
-        print(f"  commands of {whose} come in")
+        remote = ", ".join(remote_clients(config))
+        none = 'no commands come in: no [[operator]] has freshness = "issued_at"'
+        print(f"  commands of {remote} come in" if remote else f"  {none}")
         if dated := dated_finding(config):
             print(dated)
     print("install and prove it: docs/broker.md")
