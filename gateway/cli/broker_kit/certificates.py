@@ -1,4 +1,4 @@
-"""The authority's and the broker's certificate of a kit, made and looked at by the `openssl` command.
+"""The authority's and the broker's certificate of a kit, made and judged by the `openssl` command.
 
 They are in the kit's folder. Those of a plant are put there in their place, without the authority's key.
 """
@@ -57,12 +57,6 @@ def complete_certificates(folder: Path, hosts: Sequence[str], *, gateway: str) -
         raise UsageError(f"{what}: {error} ({hint})") from error
 
 
-def ends_on(certificate: Path) -> str:
-    """Return until when a certificate is valid, as openssl prints it."""
-    shown = _openssl(certificate.parent, "x509", "-noout", "-enddate", "-in", certificate.name)
-    return shown.partition("=")[2]
-
-
 def _is_address(host: str) -> bool:
     with suppress(ValueError):
         return bool(ipaddress.ip_address(host))
@@ -74,20 +68,18 @@ def _make(folder: Path, subject: str, extensions: Sequence[str], *options: str) 
     _openssl(folder, *_NEW, "-subj", subject, *added, *options)
 
 
-def _openssl(folder: Path, *arguments: str) -> str:
-    """Run openssl in a folder and return what it printed; StartError when it is not here, or fails."""
-    program = shutil.which("openssl")
-    if program is None:
+def _openssl(folder: Path, *arguments: str) -> None:
+    """Run openssl in a folder; StartError when it is not here, or fails."""
+    if shutil.which("openssl") is None:
         raise StartError("openssl is not here", "apt-get install openssl")
-    command = [program, *arguments]
     done = subprocess.run(
-        command,
+        ["openssl", *arguments],
         cwd=folder,
         capture_output=True,
         text=True,
         timeout=_WITHIN_S,
-        stdin=subprocess.DEVNULL,
         check=False,
+        stdin=subprocess.DEVNULL,
     )
     if done.returncode:
         lines = (done.stderr.strip() or done.stdout.strip()).splitlines()
@@ -96,4 +88,3 @@ def _openssl(folder: Path, *arguments: str) -> str:
             f"openssl {arguments[0]}: {''.join(reason[-1:])}",
             f"look at {CA}, {CA_KEY} and {CERT}; without {CA_KEY} nothing is signed",
         )
-    return done.stdout.strip()
