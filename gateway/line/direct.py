@@ -43,6 +43,11 @@ class Survey:
         if isinstance(self._opener, ClosesLate):
             await self._opener.wait_closed()
 
+    @property
+    def is_echoing(self) -> bool:
+        """Return whether the adapter has repeated what it sent."""
+        return self._master is not None and self._master.is_echoing
+
     async def ask(self, unit: int, request: Request, *, response_time_s: float) -> Outcome:
         """Send a read and return its outcome; ValueError for a write, PortLostError."""
         if request.is_write:

@@ -63,6 +63,8 @@ class LineCheckup:
                     self._say(where, f"{table.port} opens")
                     for setup in setups:
                         await self._ask_directly(setup, survey)
+                    if survey.is_echoing:
+                        self._say(where, "its adapter echoes what it sends; the gateway drops the echo")
                     return
             except PortError as error:
                 if isinstance(error, PortLostError) or error.reason != BUSY:

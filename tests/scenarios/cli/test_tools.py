@@ -151,6 +151,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         SSW07,
         "ok      broker 127.0.0.1:1883: takes the gateway's login, MQTT 5",
         "ok      line pumps: /dev/pumps opens",
+        r"\A(?![\s\S]*echoes)",
         "ok      starter pump: is SSW-07 85.0A",
         r"ok      starter pump: its command sources: P220 = 6 \(Serial \(standard is remote\)\), P229 = ",
         "note    starter pump: no watchdog is on: ",
@@ -244,6 +245,14 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
                 ),
             )
         },
+    ),
+    looked(
+        "an adapter that echoes is named",
+        SSW07,
+        "ok      line pumps: its adapter echoes what it sends",
+        "ok      starter pump: is SSW-07 85.0A",
+        code=None,
+        then=["line pumps echo"],
     ),
     looked(
         "a port that is lost on the way is a problem",
