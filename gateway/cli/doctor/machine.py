@@ -50,10 +50,10 @@ def clock_finding(ask: Callable[[], bool | None] = kernel_says_synchronised) -> 
     return Finding("clock", what, Weight.WARNING, "install chrony, or switch systemd-timesyncd on")
 
 
-def dated_finding(config: Config, ask: Callable[[], bool] = is_kernel_clock_synchronised) -> Finding | None:
+def dated_finding(config: Config) -> Finding | None:
     """Return the finding about operators of `issued_at` alone on a machine whose clock proves nothing."""
     clients = dict.fromkeys(each.client for each in config.operators if each.freshness == BY_ISSUED_AT)
-    doubt = ClockWatch(config.gateway.clock, ask=ask).doubt()
+    doubt = ClockWatch(config.gateway.clock, ask=is_kernel_clock_synchronised).doubt()
     if not clients or doubt is None:
         return None
     return Finding(f"operator {', '.join(clients)}", dated_alone(doubt).text, Weight.WARNING)
