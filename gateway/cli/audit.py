@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Iterator
 from contextlib import suppress
-from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -38,7 +37,7 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"--last {args.last} shows nothing (1 or more)")
     path = _file(Path(args.path))
     if args.action == "verify":
-        return read_audit(path, partial(_verify, path, args.contains))
+        return _verify(path, args.contains)
 
     def show(_: Head, lines: Iterator[tuple[str, str]]) -> int:
         for _place, line in lines:
@@ -60,17 +59,12 @@ def _file(path: Path) -> Path:
     )
 
 
-def _verify(path: Path, wanted: str | None, anchor: Head, lines: Iterator[tuple[str, str]]) -> int:
-    """Print what is wrong with the chain behind the anchor, and return 0, or 1 where something is."""
-    is_found = wanted in (None, anchor.hash)
-
-    def passing() -> Iterator[tuple[str, str]]:
-        nonlocal is_found
-        for place, line in lines:
-            is_found = is_found or f'"hash":"{wanted}"' in line
-            yield place, line
-
-    verdict = verify(passing(), after=anchor)
+def _verify(path: Path, wanted: str | None) -> int:
+    """Print what is wrong with the chain behind its anchor, and return 0, or 1 where something is."""
+    anchor, verdict = read_audit(path, lambda anchor, lines: (anchor, verify(lines, after=anchor)))
+    is_found = wanted in (None, anchor.hash) or read_audit(
+        path, lambda _, lines: any(f'"hash":"{wanted}"' in line for _, line in lines)
+    )
     for problem in verdict.problems:
         print(problem)
     described = "broken" if verdict.problems else "whole"

@@ -82,9 +82,12 @@ def run(args: argparse.Namespace) -> int:
     config_path = Path(args.config)
     path = socket_path(load(config_path), config_path.parent)
     end_s = None if args.seconds is None else time.monotonic() + args.seconds
-    with connected(path) as connection:
+    with _connected(path) as connection:
         messages = _messages(connection, end_s)
-        lines = _lines(next(messages, {}), path)
+        greeting = next(messages, {})
+        if greeting.get("capture") != FORMAT:
+            raise CaptureError(f"{path}: the running gateway is of another version (restart it)")
+        lines = list(greeting["lines"])
         numbers = {line: number for number, line in enumerate(lines)}
         count = 0
         with _opened(Path(args.file)) as file, contextlib.suppress(KeyboardInterrupt):
@@ -109,16 +112,16 @@ def _opened(path: Path) -> BinaryIO:
         raise CaptureError(f"{path}: {error.strerror} (choose another folder)") from error
 
 
-@contextlib.contextmanager
-def connected(path: Path) -> Iterator[socket.socket]:
-    """Give a connection to a running gateway's frames."""
-    with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
-        try:
-            connection.connect(str(path))
-        except OSError as error:
-            hint = "is this gateway running, and are you its user?"
-            raise CaptureError(f"{path}: {error.strerror or error} ({hint})") from error
-        yield connection
+def _connected(path: Path) -> socket.socket:
+    """Return a connection to a running gateway's frames."""
+    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
+    try:
+        connection.connect(str(path))
+    except OSError as error:
+        connection.close()
+        hint = "is this gateway running, and are you its user?"
+        raise CaptureError(f"{path}: {error.strerror or error} ({hint})") from error
+    return connection
 
 
 def _messages(connection: socket.socket, end_s: float | None) -> Iterator[dict[str, Any]]:
@@ -139,9 +142,3 @@ def _messages(connection: socket.socket, end_s: float | None) -> Iterator[dict[s
             raise CaptureError("the gateway has ended, or found this capture too slow")
         *messages, received = (received + chunk).split(b"\n")
         yield from map(json.loads, messages)
-
-
-def _lines(greeting: dict[str, Any], path: Path) -> list[str]:
-    if greeting.get("capture") != FORMAT:
-        raise CaptureError(f"{path}: the running gateway is of another version (restart it)")
-    return list(greeting["lines"])

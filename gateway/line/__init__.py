@@ -8,7 +8,7 @@ Nothing outside reaches past this door.
 from gateway.line import capacity
 from gateway.line.cable import CableHealth, WiredStarter
 from gateway.line.client import LineClient
-from gateway.line.direct import Survey, exclusive_line
+from gateway.line.direct import Survey
 from gateway.line.events import LineEvent, LineFault, OnFrame, PollResult, PortChanged, UnitChanged
 from gateway.line.port.base import PortOpener
 from gateway.line.port.event_loop import new_precise_loop

@@ -19,12 +19,10 @@ Post = Callable[..., bool]  # post(call, *args): call it on the line's loop, in 
 class LineClient:
     """One line, from the app's loop: `post` carries each call to the line's loop."""
 
-    def __init__(
-        self, line: Line, post: Post, statistics: Callable[[], dict[str, Any]] | None = None
-    ) -> None:
+    def __init__(self, line: Line, post: Post, statistics: Callable[[], dict[str, Any]]) -> None:
         self._line = line
         self._post = post
-        self._statistics = statistics or line.statistics
+        self._statistics = statistics
         self.stop_bound_s: float | None = None  # the computed wait of a stop, from the app's forecast
 
     @property
@@ -129,9 +127,3 @@ class _Pending(asyncio.Future[Outcome]):
 
 def _nothing() -> None:
     """Withdraw what has ended."""
-
-
-def post_here(call: Callable[..., object], *args: object) -> bool:
-    """Post to a line on the app's own loop."""
-    call(*args)
-    return True

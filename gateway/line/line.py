@@ -14,7 +14,6 @@ from gateway.line.events import EventQueue, LineEvents, Trace
 from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
-from gateway.line.rtu.forms import ANYONE, Forms
 from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import TOO_LATE, Silent
 from gateway.line.rtu.transaction import ALLOWANCE_S
@@ -45,7 +44,6 @@ class Line:
         allowance_s: float = ALLOWANCE_S,
         seed: int = 0,
         deaf_after_s: float | None = None,
-        forms: Forms = ANYONE,  # of units without polls
     ) -> None:
         self.name = name
         self.timing = timing
@@ -63,7 +61,6 @@ class Line:
             statistics=self._statistics,
             recovery=self._recovery,
             events=self.events,
-            forms=forms,
         )
         self._time: Callable[[], float] = lambda: -inf
         self._is_open = False

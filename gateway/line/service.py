@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 from gateway.errors import PortLostError, PortResetError
 from gateway.line.events import LineEvents
 from gateway.line.port_recovery import DEAF, PortRecovery
-from gateway.line.rtu.forms import EncodedRequest, Forms
+from gateway.line.rtu.forms import ANYONE, EncodedRequest
 from gateway.line.rtu.master import RtuMaster
 from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Job, Priority, Slot
@@ -32,7 +32,6 @@ class LineService:
     statistics: Statistics
     recovery: PortRecovery
     events: LineEvents
-    forms: Forms  # of units without polls
     is_stopping: bool = False
     steps: int = 0  # grows with each transaction and idle wake-up
     _sent: Slot | None = None  # with those of its jobs that still wait for the outcome
@@ -98,7 +97,7 @@ class LineService:
             return wanted
         if poll is None:
             poll = next((each.poll for each in self.scheduler.polls.unit(slot.unit).polls), None)
-        forms = self.forms if poll is None else poll.forms
+        forms = ANYONE if poll is None else poll.forms
         return self.master.forms.choose(wanted, forms, self._time(), is_poll=slot.poll is not None)
 
     async def _take(self, slot: Slot, sent: EncodedRequest, noise: Garbled | None) -> Outcome:

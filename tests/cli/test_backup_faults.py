@@ -87,12 +87,9 @@ def die_at(point: int) -> None:
 
         return counted
 
-    os.replace = before(os.replace)
-    Path.replace = before(Path.replace)  # type: ignore[method-assign]
-    os.link = before(os.link)
-    Path.unlink = before(Path.unlink)  # type: ignore[method-assign]
-    Path.rename = before(Path.rename)  # type: ignore[method-assign]
-    shutil.rmtree = before(shutil.rmtree)  # type: ignore[assignment]
+    calls = ((os, "replace link"), (Path, "replace unlink rename"), (shutil, "rmtree"))
+    for owner, name in ((owner, name) for owner, names in calls for name in names.split()):
+        setattr(owner, name, before(getattr(owner, name)))
 
 
 def test_a_restore_that_is_killed_at_any_point_leaves_all_of_before_or_no_configuration_and_can_go_on(

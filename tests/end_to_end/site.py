@@ -110,10 +110,15 @@ class Program:
 
 
 class Scada(BrokerListener):
-    """What an operator sees and does: the latest message of each topic, and commands; an async context."""
+    """What an operator sees and does: the latest message of each topic, and commands; an async context.
 
-    def __init__(self, port: int, *, base: str = "starters/plant", client: str = "alice") -> None:
-        super().__init__(port, f"{base}/#")
+    `login` is a user with its password, and the broker's authority, as a `BrokerListener` takes them.
+    """
+
+    def __init__(
+        self, port: int, *, base: str = "starters/plant", client: str = "alice", **login: Any
+    ) -> None:
+        super().__init__(port, f"{base}/#", **login)
         self.base = base
         self.client = client
         self.latest: dict[str, Any] = {}

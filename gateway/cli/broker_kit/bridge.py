@@ -12,16 +12,16 @@ connection. Of operators only those with `freshness = "issued_at"` pass, each by
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
-from gateway.cli.broker_kit.logins import BRIDGE_DOWN, BRIDGE_UP, by_name, gateway_login
-from gateway.cli.broker_kit.rights import Login, Role, remote_clients
+from gateway.cli.broker_kit.logins import NOTICE
+from gateway.cli.broker_kit.rights import Login, Role
+from gateway.cli.broker_kit.settings import KitSettings
 from gateway.config import Config, is_loopback
 from gateway.errors import UsageError
 
 LOOPBACK_PORT = 18883  # of the edge's broker, for the bridge: TLS would gain nothing there
 BRIDGE_PORT = 18884  # of the bridge itself; no login may use it
-NOTICE = "bridge"  # below the central base: 1 while the telemetry's connection stands, else 0; retained
 _HEAD = f"""\
 # The bridge of this site to the central broker, a Mosquitto of its own; written by
 # `starter-gateway broker-kit`. It holds passwords. Do not add `topic # out`, nor a topic in both directions:
@@ -47,12 +47,6 @@ cleansession false
 keepalive_interval 15"""
 
 
-def bridge_logins(config: Config) -> tuple[str, str]:
-    """Return the two logins of the bridge at the central broker: for telemetry, and for commands."""
-    name = gateway_login(config)
-    return f"{name}-up", f"{name}-down"
-
-
 def edge_port(config: Config) -> int:
     """Return the port of the edge's broker on 127.0.0.1: its own, or with TLS one for the bridge alone."""
     host = config.mqtt.host
@@ -60,80 +54,45 @@ def edge_port(config: Config) -> int:
     return LOOPBACK_PORT if config.mqtt.is_tls or is_elsewhere else config.mqtt.port
 
 
-def central_logins(config: Config, logins: Sequence[Login], base: str) -> tuple[Login, ...]:
-    """Return who logs in at the central broker for this site, with rights below this site's base only.
+def bridge_conf(
+    config: Config, settings: KitSettings, logins: Sequence[Login], there: Sequence[Login], *, ca_path: str
+) -> str:
+    """Return the configuration of the bridge's Mosquitto; it holds its passwords at both brokers.
 
-    UsageError for a broker at one of the bridge's ports, and for an operator with the name of one of its
-    logins, who would have its rights.
+    `there` are the central broker's logins, `ca_path` is its authority on the edge's machine, empty for the
+    system's authorities. UsageError for a broker at one of the bridge's ports, and for a topic that a
+    bridge's line cannot name.
     """
+    edge, central = ({role: login for login in side for role in login.roles} for side in (logins, there))
+    out, into = edge[Role.BRIDGE_UP].reads, edge[Role.BRIDGE_DOWN].writes if Role.BRIDGE_DOWN in edge else []
     if config.mqtt.port in (LOOPBACK_PORT, BRIDGE_PORT):
         raise UsageError(f"port {config.mqtt.port} is the bridge's own (give mqtt.url another)")
-    (up, down), (out, into), notice = bridge_logins(config), _passing(logins), f"{base}/{NOTICE}"
-    found = [Login(up, "", {Role.BRIDGE_UP}, [], [*_moved(config, out, base), notice])]
-    if into:
-        found.append(Login(down, "", {Role.BRIDGE_DOWN}, _moved(config, into, base)))
-    for login in logins:
-        if login.name in remote_clients(config):
-            reads, writes = (
-                _moved(config, [each for each in filters if each.startswith(f"{config.base}/")], base)
-                for filters in (login.reads, login.writes)
-            )
-            found.append(Login(login.name, login.name, {Role.OPERATOR}, [*reads, notice], writes))
-    return tuple(by_name(found).values())
-
-
-def bridge_conf(
-    config: Config,
-    logins: Sequence[Login],
-    *,
-    address: str,
-    base: str,
-    ca_path: str,
-    passwords: Mapping[str, str],
-    central_passwords: Mapping[str, str],
-) -> str:
-    """Return the configuration of the bridge's Mosquitto; it holds the passwords of both sides.
-
-    `address` is host:port of the central broker, `base` that of this gateway's topics there, `ca_path` its
-    authority on the edge's machine, empty for the system's authorities.
-    """
-    (up, down), (out, into), own = bridge_logins(config), _passing(logins), f"{config.base}/"
-    here = f"127.0.0.1:{edge_port(config)}"
-    away = f"{address}\n" + (f"bridge_cafile {ca_path}" if ca_path else "bridge_capath /etc/ssl/certs")
-    blocks = [
-        ("edge-telemetry", BRIDGE_UP, passwords, here, out, "in", config.base),
-        ("telemetry", up, central_passwords, away, out, "out", base),
-    ]
-    if into:
-        blocks += [
-            ("commands", down, central_passwords, away, into, "in", base),
-            ("edge-commands", BRIDGE_DOWN, passwords, here, into, "out", config.base),
-        ]
+    if spaced := [topic for topic in (*out, *into) if " " in topic]:
+        raise UsageError(f"a bridge cannot pass {spaced[0]!r} (choose names without spaces)")
+    here, base = f"127.0.0.1:{edge_port(config)}", settings.central_base(config)
+    away = f"{settings.central_address()}\n"
+    away += f"bridge_cafile {ca_path}" if ca_path else "bridge_capath /etc/ssl/certs"
     parts = [_HEAD]
-    for name, login, known, place, filters, direction, other in blocks:
-        is_notified = name == "telemetry"
+    for name, side, role, place, filters, direction, other in (
+        ("edge-telemetry", edge, Role.BRIDGE_UP, here, out, "in", config.base),
+        ("telemetry", central, Role.BRIDGE_UP, away, out, "out", base),
+        ("commands", central, Role.BRIDGE_DOWN, away, into, "in", base),
+        ("edge-commands", edge, Role.BRIDGE_DOWN, here, into, "out", config.base),
+    ):
+        if not filters:
+            continue
+        login, is_notified = side[role], name == "telemetry"
         parts += [
             f"connection {config.gateway.name}-{name}",
             f"address {place}",
-            f"remote_clientid {login}\nremote_username {login}\nremote_password {known[login]}",
+            f"remote_clientid {login.name}\nremote_username {login.name}\nremote_password {login.password}",
             _CLEAN if name.endswith("commands") else _WAITING,
             "restart_timeout 5 120" if is_notified else "restart_timeout 2 30",
             f"notification_topic {base}/{NOTICE}" if is_notified else "notifications false",
         ]
-        for each in filters:  # below the gateway's base the other side has another one
-            pattern = each.removeprefix(own)
-            parts.append(f"topic {pattern} {direction} 1" + (f" {own} {other}/" if pattern != each else ""))
+        for topic in filters:  # below the gateway's base the other side has another one
+            pattern = topic.removeprefix(f"{config.base}/")
+            moved = f" {config.base}/ {other}/" if pattern != topic else ""
+            parts.append(f"topic {pattern} {direction} 1{moved}")
         parts.append("")
     return "\n".join(parts)
-
-
-def _passing(logins: Sequence[Login]) -> tuple[list[str], list[str]]:
-    """Return the filters at the edge of the telemetry that goes out, and of the commands that come in."""
-    named = {login.name: login for login in logins}
-    return named[BRIDGE_UP].reads, named[BRIDGE_DOWN].writes if BRIDGE_DOWN in named else []
-
-
-def _moved(config: Config, filters: list[str], base: str) -> list[str]:
-    """Return filters as they are at the central broker."""
-    own = f"{config.base}/"
-    return [base + each.removeprefix(config.base) if each.startswith(own) else each for each in filters]

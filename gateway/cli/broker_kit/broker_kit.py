@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import argparse
 import asyncio
+from functools import partial
 from pathlib import Path
 
-from gateway.cli.broker_kit.bridge import bridge_logins
-from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on
+from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA_KEY
 from gateway.cli.broker_kit.kit import CENTRAL, is_kit, write_kit
 from gateway.cli.broker_kit.logins import FOLDER, logins_of
 from gateway.cli.broker_kit.proof import BrokerProof
 from gateway.cli.broker_kit.rights import Login, remote_clients
-from gateway.cli.broker_kit.settings import OPTIONS, KitSettings
+from gateway.cli.broker_kit.settings import OPTIONS, KitSettings, checked
 from gateway.cli.command import flag
+from gateway.cli.doctor.findings import Findings
 from gateway.cli.doctor.machine import dated_finding
 from gateway.config import Config, load, password_in
 from gateway.errors import UsageError
@@ -35,15 +36,15 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
     flag(actions, "--update", about=about)
     about = "contents of the kit (an update keeps the previous ones; '' takes one away)"
     contents = parser.add_argument_group(about)
-    for name, option in OPTIONS.items():
-        is_one = isinstance(KitSettings.model_fields[option.sets].default, str)
+    for name, field, metavar, pattern, about in OPTIONS:
+        is_one = isinstance(KitSettings.model_fields[field].default, str)
         contents.add_argument(
             name,
             action="store" if is_one else "append",
-            dest=option.sets,
-            metavar=option.metavar,
-            type=option.checked,
-            help=option.about + ("" if is_one else "; may be repeated"),
+            dest=field,
+            metavar=metavar,
+            type=partial(checked, pattern=pattern, metavar=metavar),
+            help=about + ("" if is_one else "; may be repeated"),
         )
 
 
@@ -68,20 +69,14 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
     for login in logins:
         whose = f" of {login.client}" if login.client not in ("", login.name) else ""
         print(f"  {login.name:{width}}  {', '.join(sorted(login.roles))}{whose}")
-    if config.mqtt.is_tls:
-        ends = ends_on(folder / CERT), ends_on(folder / CA)
-        print(f"the broker's certificate is valid until {ends[0]}, its authority until {ends[1]}")
-        if (folder / CA_KEY).exists():
-            print(
-                f"  --update signs the next one, within {BROKER_DAYS} days; store {CA_KEY} off this machine"
-            )
+    if (folder / CA_KEY).exists():
+        print(f"the broker's certificate is valid for {BROKER_DAYS} days; --update signs the next one")
+        print(f"  store {CA_KEY} off this machine")
     if settings.bridge:
-        up, down = bridge_logins(config)
-        remote = remote_clients(config)
         print(f"the bridge to {settings.bridge}: bridge.conf; for the central broker: {folder / CENTRAL}")
-        print(f"  logins {up} and {down}; commands of {', '.join(remote) or 'no operator'} come in")
-        if not remote:
-            print('  (an [[operator]] with freshness = "issued_at" may command over the bridge)')
+        remote = ", ".join(remote_clients(config))
+        none = 'no commands come in: no [[operator]] has freshness = "issued_at"'
+        print(f"  commands of {remote} come in" if remote else f"  {none}")
         if dated := dated_finding(config):
             print(dated)
     print("install and prove it: docs/broker.md")
@@ -90,10 +85,9 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
 def _prove(config: Config, place: Path, folder: Path) -> int:
     """Prove the rights of every login of the kit, and print what is wrong; 1 when something is."""
     logins = logins_of(config, KitSettings.read(folder))
-    passwords = {login.name: password_in(folder / FOLDER / login.name, key="password") for login in logins}
-    proof = BrokerProof(config, place, logins, passwords)
+    for login in logins:
+        login.password = password_in(folder / FOLDER / login.name, key="password")
+    proof, findings = BrokerProof(config, place, logins), Findings()
     asyncio.run(proof.run())
-    for finding in proof.findings():
-        print(finding)
-    print(f"{proof.probes} probes, {proof.wrong} wrong")
-    return 1 if proof.wrong else 0
+    findings.add(*proof.findings())
+    return findings.verdict()

@@ -12,9 +12,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from gateway.cli.broker_kit.bridge import LOOPBACK_PORT, bridge_conf, central_logins, edge_port
+from gateway.cli.broker_kit.bridge import LOOPBACK_PORT, bridge_conf, edge_port
 from gateway.cli.broker_kit.certificates import CA, CA_KEY, CERT, KEY, complete_certificates
-from gateway.cli.broker_kit.logins import FOLDER, logins_of, write_logins
+from gateway.cli.broker_kit.logins import FOLDER, central_logins, logins_of, write_logins
 from gateway.cli.broker_kit.rights import Login
 from gateway.cli.broker_kit.settings import SETTINGS, KitSettings
 from gateway.config import Config, is_loopback
@@ -25,18 +25,7 @@ CENTRAL_CA = "central-ca.pem"
 INSTALLED = "/etc/mosquitto/starter-gateway"  # where the files lie that Mosquitto reads
 
 _PUBLIC = (CA, CERT, CENTRAL_CA)
-_PARTS = (
-    "passwords",
-    "acl",
-    FOLDER,
-    CA_KEY,
-    KEY,
-    *_PUBLIC,
-    "mosquitto.conf",
-    "bridge.conf",
-    CENTRAL,
-    SETTINGS,
-)
+_CHANGING = (FOLDER, "bridge.conf", CENTRAL, CENTRAL_CA)  # not in every kit, or not with the same files
 _STAGE = ".new-"
 _HEAD = """\
 # Mosquitto for Starter Gateway, in /etc/mosquitto/conf.d/; written by `starter-gateway broker-kit`.
@@ -73,7 +62,7 @@ def write_kit(config: Config, folder: Path, settings: KitSettings) -> tuple[Logi
     Passwords and certificates that are in the folder stay, also the central broker's authority.
     """
     logins, base = logins_of(config, settings), settings.central_base(config)
-    there = central_logins(config, logins, base) if base else ()
+    there = central_logins(config, base) if base else ()
     try:
         with _replaced(folder) as stage:
             for name in (CA, CA_KEY, CERT, KEY, *((CENTRAL_CA,) if there else ())):
@@ -82,18 +71,12 @@ def write_kit(config: Config, folder: Path, settings: KitSettings) -> tuple[Logi
             if config.mqtt.is_tls:
                 hosts = dict.fromkeys((*settings.hosts, config.mqtt.host))
                 complete_certificates(stage, [*hosts], gateway=config.gateway.name)
-            passwords = write_logins(stage, logins, stored=folder)
+            write_logins(stage, logins, stored=folder)
             (stage / "mosquitto.conf").write_text(broker_conf(config, has_bridge=bool(there)), "utf-8")
             if there:
-                text = bridge_conf(
-                    config,
-                    logins,
-                    address=settings.central_address(),
-                    base=base,
-                    ca_path=f"{INSTALLED}/{CENTRAL_CA}" if (stage / CENTRAL_CA).exists() else "",
-                    passwords=passwords,
-                    central_passwords=write_logins(stage / CENTRAL, there, stored=folder / CENTRAL),
-                )
+                ca_path = f"{INSTALLED}/{CENTRAL_CA}" if (stage / CENTRAL_CA).exists() else ""
+                write_logins(stage / CENTRAL, there, stored=folder / CENTRAL)
+                text = bridge_conf(config, settings, logins, there, ca_path=ca_path)
                 (stage / "bridge.conf").write_text(text, "utf-8")
             (stage / SETTINGS).write_text(settings.model_dump_json(indent=2) + "\n", "utf-8")
     except OSError as error:
@@ -109,7 +92,7 @@ def broker_conf(config: Config, *, has_bridge: bool) -> str:
     listeners = [f"{config.mqtt.port}{'' if config.mqtt.is_tls else address}"]
     if has_bridge and edge_port(config) == LOOPBACK_PORT:
         listeners.append(f"{LOOPBACK_PORT} 127.0.0.1")  # for the bridge
-    lines = [f"listener {each}\nuse_username_as_clientid true" for each in listeners]
+    lines = [f"listener {place}\nuse_username_as_clientid true" for place in listeners]
     if config.mqtt.is_tls:
         lines[0] += f"\ncertfile {INSTALLED}/{CERT}\nkeyfile {INSTALLED}/{KEY}\ntls_version tlsv1.2"
     queued = 100_000 if has_bridge else 1000
@@ -123,7 +106,7 @@ def _replaced(folder: Path) -> Iterator[Path]:
     UsageError for a folder with other things in it; OSError by the disk.
     """
     folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-    others = [each.name for each in folder.iterdir() if not each.name.startswith(_STAGE)]
+    others = [path.name for path in folder.iterdir() if not path.name.startswith(_STAGE)]
     if others and not is_kit(folder):
         raise UsageError(f"{folder} holds no kit, but {min(others)} (choose a new or an empty folder)")
     folder.chmod(0o700)
@@ -132,14 +115,12 @@ def _replaced(folder: Path) -> Iterator[Path]:
     with TemporaryDirectory(prefix=_STAGE, dir=folder) as name:
         stage = Path(name)
         yield stage
-        for path in stage.rglob("*"):
-            if path.is_file():
-                path.chmod(0o644 if str(path.relative_to(stage)) in _PUBLIC else 0o600)
-        # One by one, the mark of a kit at last: at a kill each file is the old or the new one.
         new = sorted(path.relative_to(stage) for path in stage.rglob("*") if path.is_file())
+        # One by one, the mark of a kit at last: at a kill each file is the old or the new one.
         for path in sorted(new, key=lambda path: str(path) == SETTINGS):
+            (stage / path).chmod(0o644 if str(path) in _PUBLIC else 0o600)
             (folder / path).parent.mkdir(mode=0o700, parents=True, exist_ok=True)
             (stage / path).replace(folder / path)
-        for old in [each for part in _PARTS for each in (folder / part, *(folder / part).rglob("*"))]:
+        for old in [path for part in _CHANGING for path in (folder / part, *(folder / part).rglob("*"))]:
             if not old.is_dir() and old.relative_to(folder) not in new:
                 old.unlink(missing_ok=True)

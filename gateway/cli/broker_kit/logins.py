@@ -13,18 +13,26 @@ import secrets
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
-from gateway.cli.broker_kit.rights import PROBE, Login, Role, give_rights, sparkplug_here
+from gateway.cli.broker_kit.rights import (
+    PROBE,
+    Login,
+    Role,
+    clients_of,
+    give_rights,
+    remote_clients,
+    sparkplug_here,
+)
 from gateway.cli.broker_kit.settings import LOGIN_NAME, KitSettings
 from gateway.config import Config, password_in
 from gateway.errors import ConfigError, Problem, UsageError
 
 FOLDER = "logins"  # of a kit: one file a login
 PROVER = "prover"  # reads everything, for the proof
-BRIDGE_UP, BRIDGE_DOWN = "bridge-up", "bridge-down"
+NOTICE = "bridge"  # below the central base: 1 while the telemetry's connection is there, else 0; retained
 
 _HOME_ASSISTANT, _SPARKPLUG_HOST = "home-assistant", "sparkplug-host"  # where no [[operator]] is named
-_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve the 160 bits that are drawn below
-_SALT_BYTES, _HASH_BYTES, _PASSWORD_BYTES = 12, 64, 20
+_ITERATIONS = 101  # mosquitto_passwd's; no number of them could improve passwords of 160 bits
+_SALT_BYTES, _HASH_BYTES = 12, 64
 _HEAD = """\
 # Who may do what at the broker; written by `starter-gateway broker-kit`, from [[operator]] and mqtt.base.
 #
@@ -36,24 +44,30 @@ _HEAD = """\
 
 def logins_of(config: Config, settings: KitSettings) -> tuple[Login, ...]:
     """Return every login with its rights; ConfigError or UsageError when two would have one name."""
-    found = by_name(_named(config, settings))
+    found = _by_name(_named(config, settings))
     spb, home = sparkplug_here(config), config.home_assistant
     if home is not None:
         _add_role(found, home.operator or _HOME_ASSISTANT, Role.HOME_ASSISTANT)
     if spb is not None:
         _add_role(found, spb.operator or _SPARKPLUG_HOST, Role.SPARKPLUG_HOST)
-    give_rights(found.values(), config, settings.central_base(config))
-    return tuple(login for login in found.values() if login.name != BRIDGE_DOWN or login.writes)
+    give_rights(found.values(), config, base=config.base, central_base=settings.central_base(config))
+    return tuple(login for login in found.values() if login.roles != {Role.BRIDGE_DOWN} or login.writes)
 
 
-def by_name(logins: Iterable[Login]) -> dict[str, Login]:
-    """Return logins by their names; UsageError when two would have one, or one that of the proof's probes."""
-    found: dict[str, Login] = {}
-    for login in logins:
-        if login.name in found or PROBE in (login.name, login.client):
-            raise UsageError(f"two logins have the name {login.name} (each needs one of its own)")
-        found[login.name] = login
-    return found
+def central_logins(config: Config, base: str) -> tuple[Login, ...]:
+    """Return who logs in at the central broker for this site, with rights below this site's base only.
+
+    UsageError for an operator with the name of one of the bridge's logins, who would have its rights.
+    """
+    name = gateway_login(config)
+    up, down = Login(f"{name}-up", "", {Role.BRIDGE_UP}), Login(f"{name}-down", "", {Role.BRIDGE_DOWN})
+    operators = [Login(client, client, {Role.OPERATOR}) for client in remote_clients(config)]
+    give_rights((up, down, *operators), config, base=base, central_base=base)
+    for bridge in (up, down):  # it puts there what it takes here, and the other way round
+        bridge.reads, bridge.writes = bridge.writes, bridge.reads
+    for filters in (up.writes, *(login.reads for login in operators)):
+        filters.append(f"{base}/{NOTICE}")
+    return tuple(_by_name((up, *([down] if down.reads else ()), *operators)).values())
 
 
 def gateway_login(config: Config) -> str:
@@ -68,38 +82,44 @@ def gateway_login(config: Config) -> str:
 
 def access_list(logins: Iterable[Login]) -> str:
     """Return Mosquitto's access list; a block for each login, since what has none may do nothing."""
-    blocks = (
-        f"# {', '.join(sorted(login.roles))}\nuser {login.name}\n"
-        + "".join(f"topic {how} {each}\n" for how in ("read", "write") for each in getattr(login, f"{how}s"))
-        for login in logins
-    )
-    return "\n".join([_HEAD, *blocks])
+    lines = [_HEAD]
+    for login in logins:
+        lines += [f"# {', '.join(sorted(login.roles))}", f"user {login.name}"]
+        lines += [f"topic read {topic}" for topic in login.reads]
+        lines += [f"topic write {topic}" for topic in login.writes]
+        lines.append("")
+    return "\n".join(lines)
 
 
-def write_logins(folder: Path, logins: Sequence[Login], *, stored: Path) -> dict[str, str]:
+def write_logins(folder: Path, logins: Sequence[Login], *, stored: Path) -> None:
     """Write an access list, Mosquitto's password file, and each login's password in a file of its own.
 
-    Return the passwords: those that the folder `stored` has, else new ones.
+    The passwords are those that the folder `stored` has, else new ones.
     """
     (folder / FOLDER).mkdir(mode=0o700, parents=True)
-    passwords = {}
     for login in logins:
-        file = stored / FOLDER / login.name
-        password = password_in(file) if file.exists() else secrets.token_urlsafe(_PASSWORD_BYTES)
-        (folder / FOLDER / login.name).write_text(f"{password}\n", "utf-8")
-        passwords[login.name] = password
-    lines = (f"{password_line(name, password)}\n" for name, password in passwords.items())
-    (folder / "passwords").write_text("".join(lines), "utf-8")
+        is_known = (stored / FOLDER / login.name).exists()
+        login.password = password_in(stored / FOLDER / login.name) if is_known else secrets.token_urlsafe(20)
+        (folder / FOLDER / login.name).write_text(f"{login.password}\n", "utf-8")
+    (folder / "passwords").write_text("".join(map(_password_line, logins)), "utf-8")
     (folder / "acl").write_text(access_list(logins), "utf-8")
-    return passwords
 
 
-def password_line(name: str, password: str, *, salt: bytes | None = None) -> str:
-    """Return a login's line of the password file."""
-    salt = secrets.token_bytes(_SALT_BYTES) if salt is None else salt
-    digest = hashlib.pbkdf2_hmac("sha512", password.encode(), salt, _ITERATIONS, _HASH_BYTES)
+def _password_line(login: Login) -> str:
+    salt = secrets.token_bytes(_SALT_BYTES)
+    digest = hashlib.pbkdf2_hmac("sha512", login.password.encode(), salt, _ITERATIONS, _HASH_BYTES)
     salt_text, digest_text = (base64.b64encode(raw).decode("ascii") for raw in (salt, digest))
-    return f"{name}:$7${_ITERATIONS}${salt_text}${digest_text}"
+    return f"{login.name}:$7${_ITERATIONS}${salt_text}${digest_text}\n"
+
+
+def _by_name(logins: Iterable[Login]) -> dict[str, Login]:
+    """Return logins by their names; UsageError when two would have one, or one that of the proof's probes."""
+    found: dict[str, Login] = {}
+    for login in logins:
+        if login.name in found or PROBE in (login.name, login.client):
+            raise UsageError(f"two logins have the name {login.name} (each needs one of its own)")
+        found[login.name] = login
+    return found
 
 
 def _add_role(logins: dict[str, Login], name: str, role: Role) -> None:
@@ -108,21 +128,20 @@ def _add_role(logins: dict[str, Login], name: str, role: Role) -> None:
 
 def _named(config: Config, settings: KitSettings) -> Iterator[Login]:
     """Yield the logins that have names of their own."""
-    gateway, clients = gateway_login(config), dict.fromkeys(each.client for each in config.operators)
+    gateway, clients = gateway_login(config), clients_of(config)
     yield Login(gateway, "", {Role.GATEWAY})
-    for name, client in (*((each, each) for each in clients), *settings.further.items()):
+    for name, client in (*zip(clients, clients, strict=True), *settings.further.items()):
         if client not in clients:
             raise UsageError(f"--login {name}={client}: there is no [[operator]] {client}")
         yield Login(name, client, {Role.OPERATOR})
-    bridge = ((Role.BRIDGE_UP, (BRIDGE_UP,)), (Role.BRIDGE_DOWN, (BRIDGE_DOWN,))) if settings.bridge else ()
-    guests = ((Role.VIEWER, settings.viewers), (Role.AUDITOR, settings.auditors))
-    for role, names in (*guests, *bridge, (Role.PROVER, (PROVER,))):
-        yield from (Login(name, "", {role}) for name in names)
+    bridge = [("bridge-up", Role.BRIDGE_UP), ("bridge-down", Role.BRIDGE_DOWN)] if settings.bridge else []
+    guests = [(name, Role.VIEWER) for name in settings.viewers]
+    guests += [(name, Role.AUDITOR) for name in settings.auditors]
+    yield from (Login(name, "", {role}) for name, role in (*guests, *bridge, (PROVER, Role.PROVER)))
     if (table := sparkplug_here(config)) is not None:
         node = table.username or ""
         if node in (gateway, *clients) or not re.fullmatch(LOGIN_NAME, node):
             what = "the node needs a login of its own: at this broker a login has one connection at a time"
-            own = f'username = "{config.gateway.name}-spb", password_file, ca_file'
-            hint = f'urls = ["{config.mqtt.url}"], {own}'
+            hint = f'urls = ["{config.mqtt.url}"], username = "{config.gateway.name}-spb", password_file'
             raise ConfigError("broker-kit", [Problem("sparkplug.username", what, hint)])
         yield Login(node, "", {Role.SPARKPLUG_NODE})

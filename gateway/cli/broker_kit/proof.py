@@ -11,7 +11,7 @@ from __future__ import annotations
 import asyncio
 import secrets
 from collections import defaultdict
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -43,20 +43,15 @@ _AT_ONCE = 200  # messages until the broker has taken what was before them
 class BrokerProof:
     """The connections of all logins, and what was found; `place` is the configuration's folder."""
 
-    def __init__(
-        self, config: Config, place: Path, logins: tuple[Login, ...], passwords: Mapping[str, str]
-    ) -> None:
-        self.probes = self.wrong = 0
+    def __init__(self, config: Config, place: Path, logins: Sequence[Login]) -> None:
         self._config = config
         self._place = place
-        self._passwords = passwords
         self._topics = tried_topics(config, logins)
-        self._names = [login.name for login in logins]
-        self._gateway = self._names[0]
+        self._logins = {login.name: login for login in logins}
+        self._gateway = logins[0].name
         self._sessions: dict[str, Session] = {}
-        self._received: defaultdict[str, set[str]] = defaultdict(set)  # by login: payloads, and $SYS
+        self._received: defaultdict[str, set[bytes | str]] = defaultdict(set)  # by login: payloads, and $SYS
         self._mark = f"{PROBE}-{secrets.token_hex(6)}"
-        self._sent = 0
         self._found: defaultdict[str, dict[Finding, None]] = defaultdict(dict)  # by login
 
     async def run(self) -> None:
@@ -67,7 +62,7 @@ class BrokerProof:
             what = "the gateway is running, and the proof needs its login"
             raise StartError(what, "systemctl stop starter-gateway")
         try:
-            for name in self._names:
+            for name in self._logins:
                 await self._connect(name)
             await self._try_topics()
             await self._try_client_ids()
@@ -81,51 +76,43 @@ class BrokerProof:
         """Yield what is wrong with each login; else in one line what it may do."""
         for name, found in self._found.items():
             wrong = [finding for finding in found if finding.weight is not None]
-            yield from wrong or [Finding(name, ", ".join(each.text for each in found) or "may do nothing")]
+            said = ", ".join(finding.text for finding in found)
+            yield from wrong or [Finding(name, said or "may do nothing")]
 
     def _judge(self, login: str, text: str, *, is_done: bool, may: bool) -> None:
         """Note whether a login did what it must, or what it must not."""
-        self.probes += 1
-        if is_done is may:
-            self._found[login] |= {Finding(login, text): None} if may else {}
-        else:
-            self.wrong += 1
-            must = "must be allowed" if may else "must be refused"
-            self._found[login][Finding(login, text, Weight.ERROR, must)] = None
+        wrong = () if is_done is may else (Weight.ERROR, "must be allowed" if may else "must be refused")
+        self._found[login] |= {Finding(login, text, *wrong): None} if wrong or may else {}
 
     async def _try_topics(self) -> None:
         """Publish as every login on every topic, and judge login by login."""
-        marks = {}
-        for name in self._names:
-            for topic in self._topics:
-                if topic.is_real and name in topic.writers:
-                    continue
-                message = self._probe(topic)
-                marks[name, topic.name] = message.payload.decode()
-                self._sessions[name].publish(self._sent, message)
-                if len(marks) % _AT_ONCE == 0:
-                    await self._taken()
+        tries = [(name, topic) for name in self._logins for topic in self._topics if name in topic.triers]
+        for number, (name, topic) in enumerate(tries):
+            self._sessions[name].publish(number, self._probe(name, topic))
+            if number % _AT_ONCE == 0:
+                await self._taken()
         await self._taken()
         await asyncio.sleep(SETTLED_S)
-        for name in self._names:
+        arrived = self._received[PROVER]
+        for name in self._logins:
             if self._sessions[name].lost.done():
                 text = "was disconnected while it was tried: end the program that has its login"
                 self._judge(name, text, is_done=True, may=False)
                 continue
-            seen, arrived = self._received[name], self._received[PROVER]
+            seen = self._received[name]
             self._judge(name, "reads $SYS", is_done=_OF_BROKER in seen, may=False)
             for topic in self._topics:
-                of_writers = {marks.get((each, topic.name)) for each in topic.writers} & arrived
-                if (mark := marks.get((name, topic.name))) is not None:
-                    is_done = mark in arrived
+                if name in topic.triers:
+                    is_done = self._probe(name, topic).payload in arrived
                     self._judge(name, f"writes {topic.what}", is_done=is_done, may=name in topic.writers)
-                if of_writers:  # else there is nothing to be read
+                of_writers = {self._probe(writer, topic).payload for writer in topic.writers & topic.triers}
+                if of_writers := of_writers & arrived:  # else there is nothing to be read
                     is_done = bool(of_writers & seen)
                     self._judge(name, f"reads {topic.what}", is_done=is_done, may=name in topic.readers)
 
     async def _try_client_ids(self) -> None:
         """Connect as every other login with the gateway's client id: its own connection must survive."""
-        for name in [each for each in self._names if each != self._gateway]:
+        for name in [name for name in self._logins if name != self._gateway]:
             with suppress(BrokerError):  # a broker may refuse the id
                 session = await connected(self._way(name, client_id=self._config.client_id))
                 await asyncio.wait([self._sessions[self._gateway].lost], timeout=0.2)
@@ -139,21 +126,19 @@ class BrokerProof:
     async def _try_wills(self) -> None:
         """Leave a last will as every login: of the gateway it must arrive, of the others not."""
         await self._connect(PROVER)
-        commands = [each for each in self._topics if f"{self._config.base}/command/" in each.name]
+        commands = [topic for topic in self._topics if f"{self._config.base}/command/" in topic.name]
         tries = [
-            (name, topic, self._probe(topic))
-            for name in self._names
+            (name, topic, self._probe(name, topic, by="will"))
+            for name in self._logins
             if name != PROVER
-            for topic in (next(each for each in commands if name not in each.writers), self._topics[0])
+            for topic in (next(other for other in commands if name not in other.writers), self._topics[0])
         ]
         for name, _, will in tries:
-            if name in self._sessions:
-                await self._sessions.pop(name).disconnect()
             with suppress(BrokerError):  # a broker may refuse such a connection
                 (await connected(self._way(name), SessionParts(will))).abort()
         await asyncio.sleep(SETTLED_S)
         for name, topic, will in tries:
-            is_done = will.payload.decode() in self._received[PROVER]
+            is_done = will.payload in self._received[PROVER]
             text = f"publishes {topic.what} by a last will"
             self._judge(name, text, is_done=is_done, may=name in topic.writers)
 
@@ -174,17 +159,17 @@ class BrokerProof:
             self._place,
             client_id=client_id or login or PROBE,
             username=login,
-            password=None if login is None else password or self._passwords[login],
+            password=None if login is None else password or self._logins[login].password,
         )
 
     async def _connect(self, name: str) -> None:
-        """Let a login connect and ask for everything; a broker may refuse the asking."""
+        """Let a login connect and ask for everything, also by its names: a broker may refuse `#`."""
         client_id = self._config.client_id if name == self._gateway else ""
         parts = SessionParts(on_incoming=partial(self._take, name))
         session = await connected(self._way(name, client_id=client_id), parts)
         self._sessions[name] = session
-        tried = (topic.name for topic in self._topics if not topic.is_real)
-        for wanted in (*tried, "#", f"$share/{name}/#", _OF_BROKER):
+        tried = (topic.name for topic in self._topics if topic.triers & topic.writers)
+        for wanted in (*tried, *self._logins[name].reads, "#", f"$share/{name}/#", _OF_BROKER):
             if session.lost.done():
                 return
             try:
@@ -195,15 +180,15 @@ class BrokerProof:
 
     def _take(self, name: str, incoming: Incoming) -> None:
         is_of_broker = incoming.topic.startswith("$SYS")
-        self._received[name].add(_OF_BROKER if is_of_broker else incoming.payload.decode("utf-8", "replace"))
+        self._received[name].add(_OF_BROKER if is_of_broker else incoming.payload)
 
-    def _probe(self, topic: TriedTopic) -> Message:
-        self._sent += 1
-        return Message(topic.name, f"{self._mark} {self._sent}".encode(), qos=1, retain=False)
+    def _probe(self, name: str, topic: TriedTopic, *, by: str = "") -> Message:
+        """Return the message that a login publishes on a topic; no other has its payload."""
+        return Message(topic.name, f"{self._mark} {name} {topic.name} {by}".encode(), qos=1, retain=False)
 
     async def _taken(self) -> None:
         """Wait until the broker has taken everything."""
         for _ in range(100):
-            if not any(each.in_flight and not each.lost.done() for each in self._sessions.values()):
+            if not any(session.in_flight and not session.lost.done() for session in self._sessions.values()):
                 break
             await asyncio.sleep(0.05)

@@ -1,6 +1,7 @@
 """Who may write and read which topics at the broker, for every configuration; pure.
 
-The access list, the bridge's topics and the expectations of `--prove` all follow from `_rights`.
+The access lists of both brokers, the bridge's topics and the expectations of `--prove` all follow from
+`_rights`.
 """
 
 from __future__ import annotations
@@ -9,7 +10,7 @@ import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, field
 from enum import StrEnum
-from typing import get_args
+from typing import NamedTuple, get_args
 from urllib.parse import urlsplit
 
 from gateway.config import SCHEMES, Config, SparkplugTable, Verb
@@ -49,6 +50,19 @@ class Login:
     roles: set[Role] = field(default_factory=set)
     reads: list[str] = field(default_factory=list)  # topic filters
     writes: list[str] = field(default_factory=list)
+    password: str = ""  # which a kit knows
+
+
+class Right(NamedTuple):
+    """A filter, the letters in `_ROLES` of those who may use it, and what the proof tries of it."""
+
+    topics: str
+    writers: str = ""
+    readers: str = ""
+    what: str = ""  # is published there; empty: nothing is tried
+    client: str = ""  # the one operator that O means
+    end: str = PROBE  # of the tried topic, in place of #
+    real: Sequence[str] = ()  # what exists, in place of the probe: who may write there does not try it
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,37 +71,45 @@ class TriedTopic:
 
     name: str
     what: str  # is published there
-    is_real: bool  # the topic of something that exists: who may write there does not try it
-    writers: frozenset[str]  # logins
+    triers: frozenset[str]  # logins, as all others here
+    writers: frozenset[str]
     readers: frozenset[str]
 
 
-def give_rights(logins: Iterable[Login], config: Config, central_base: str) -> None:
-    """Give each login the filters of its roles; `central_base` is empty without a bridge."""
-    for topic, writers, readers, client in _rights(config, central_base):
+def give_rights(logins: Iterable[Login], config: Config, *, base: str, central_base: str) -> None:
+    """Give each login the filters of its roles, at a broker with this base; the other may be empty."""
+    for right in _rights(config, base, is_passing=central_base == config.base):
         for login in logins:
-            others = {Role.OPERATOR} if client and client != login.client else set()
-            for letters, filters in ((writers, login.writes), (readers, login.reads)):
+            others = {Role.OPERATOR} if right.client and right.client != login.client else set()
+            for letters, filters in ((right.writers, login.writes), (right.readers, login.reads)):
                 if {_ROLES[letter] for letter in letters} & (login.roles - others):
-                    filters.append(topic)
+                    filters.append(right.topics)
 
 
 def tried_topics(config: Config, logins: Sequence[Login]) -> tuple[TriedTopic, ...]:
-    """Return the topics that the proof tries; of what exists only for those who must be refused.
+    """Return the topics that the proof tries.
 
-    A list may have a line for one real starter alone.
+    A list may have a line for one real starter alone, or a pattern in which each login's own name counts.
     """
-
-    def taking(topic: str, key: str) -> frozenset[str]:
-        return frozenset(
-            each.name for each in logins if any(_takes(rule, topic) for rule in getattr(each, key))
-        )
-
-    return tuple(
-        TriedTopic(topic, what, is_real, taking(topic, "writes"), taking(topic, "reads"))
-        for is_real, names in ((False, (PROBE,)), (True, [each.name for each in config.starters]))
-        for topic, what in _tried(config, names, is_real=is_real)
-    )
+    found: dict[str, TriedTopic] = {}
+    for right in _rights(config, config.base, is_passing=False):
+        for name in (PROBE, *right.real) if right.what else ():
+            topic = right.topics.replace("+", PROBE).replace("#", right.end).replace(PROBE, name, 1)
+            writers, readers = (
+                frozenset(login.name for login in logins if _may(getattr(login, key), topic))
+                for key in ("writes", "reads")
+            )
+            triers = frozenset(login.name for login in logins) - (writers if name in right.real else set())
+            found[topic] = TriedTopic(topic, right.what, triers, writers, readers)
+    own = [
+        TriedTopic(topic, tried.what, frozenset({login.name}), frozenset(), frozenset())
+        for login in logins
+        for tried in found.values()
+        if not tried.name.startswith(PROBE)  # the prover reads no topic outside that begins with a login
+        and (topic := tried.name.replace(PROBE, login.name)) not in found
+        and not _may(login.writes, topic)
+    ]
+    return (*found.values(), *own)
 
 
 def sparkplug_here(config: Config) -> SparkplugTable | None:
@@ -100,87 +122,68 @@ def sparkplug_here(config: Config) -> SparkplugTable | None:
     return table if here in ends else None
 
 
+def clients_of(config: Config) -> tuple[str, ...]:
+    """Return the operators' names, each once."""
+    return tuple(dict.fromkeys(operator.client for operator in config.operators))
+
+
 def remote_clients(config: Config) -> tuple[str, ...]:
     """Return the operators whose commands may pass a bridge: those of `freshness = "issued_at"` alone."""
-    by_token = {each.client for each in config.operators if each.freshness != "issued_at"}
-    return tuple(dict.fromkeys(each.client for each in config.operators if each.client not in by_token))
+    by_token = {operator.client for operator in config.operators if operator.freshness != "issued_at"}
+    return tuple(client for client in clients_of(config) if client not in by_token)
 
 
-def _rights(config: Config, central_base: str) -> Iterator[tuple[str, str, str, str]]:
-    """Yield filters with their writers and readers, letters of `_ROLES`, and of which operator alone O is."""
-    base, remote = config.base, remote_clients(config)
-    yield f"{base}/starter/#", "G", "OVHU", ""
-    yield f"{base}/starter/+/event", "", "A", ""
-    yield f"{base}/gateway/#", "G", "OVHU", ""
-    yield f"{base}/gateway/event", "", "A", ""
-    yield f"{base}/audit", "G", "AU", ""
-    yield f"{base}/result/#", "G", "U", ""
-    for client in _clients(config):
-        yield f"{base}/result/+/{client}", "", "O", client
-        yield f"{base}/command/+/{client}/#", "O", "", client
+def _rights(config: Config, base: str, *, is_passing: bool) -> Iterator[Right]:
+    """Yield everybody's rights below a base, and below those of other programs.
+
+    `is_passing`: discovery, which names the edge's topics, passes a bridge, since they are the same there.
+    """
+    clients, remote = clients_of(config), remote_clients(config)
+    starters = [starter.name for starter in config.starters]
+    what = "what a starter does"
+    yield Right(f"{base}/starter/#", "G", "OVHU", what, end=f"{PROBE}/state", real=starters)
+    yield Right(f"{base}/starter/+/event", "", "A", "events of a starter")
+    what = "what the gateway says of itself"
+    yield Right(f"{base}/gateway/#", "G", "OVHU", what, real=("status", "fresh"))
+    yield Right(f"{base}/gateway/event", "", "A")
+    yield Right(f"{base}/audit", "G", "AU", "the audit")
+    yield Right(f"{base}/result/#", "G", "U")
+    for client in (*clients, PROBE):
+        who = client if client in clients else "somebody unknown"
+        yield Right(f"{base}/result/+/{client}", "", "O", f"results for {who}", client)
+        yield Right(f"{base}/command/+/{client}/#", "O", client=client)
+        for verb in VERBS:
+            real = starters if verb == "start" else ()
+            yield Right(f"{base}/command/+/{client}/{verb}", what=f"commands of {who}", real=real)
     for client in remote:
-        yield f"{base}/command/+/{client}/+", "D", "", ""
-    yield f"{base}/#", "", "GP", ""
-    yield f"{PROBE}/#", "", "P", ""
+        yield Right(f"{base}/command/+/{client}/+", "D")
+    yield Right(f"{base}/#", "", "GP", "what no one publishes")
+    yield Right(f"{PROBE}/#", "", "P", "what is outside the base")
     if (home := config.home_assistant) is not None:
-        is_passing = central_base == base  # discovery names the edge's topics, which must be the same there
-        prefix = home.discovery_prefix
-        yield f"{prefix}/device/+/config", "G", "U" if is_passing else "", ""
-        yield f"{prefix}/#", "", "HP", ""
-        yield home.birth_topic or f"{prefix}/status", "HD" if is_passing else "H", "GHP", ""
+        prefix, birth = home.discovery_prefix, home.birth_topic or f"{home.discovery_prefix}/status"
+        passing = ("U", "HD") if is_passing else ("", "H")
+        yield Right(f"{prefix}/device/+/config", "G", passing[0], "discovery by Home Assistant")
+        yield Right(f"{prefix}/#", "", "HP")
+        yield Right(birth, passing[1], "GHP", "Home Assistant's birth")
     if (spb := sparkplug_here(config)) is not None:
         group, node = f"{NAMESPACE}/{spb.group}", spb.node or config.gateway.name
-        for topic in (
-            *(f"{each}/{node}" for each in _OF_NODE),
-            *(f"{each}/{node}/+" for each in _OF_DEVICES),
-        ):
-            yield f"{group}/{topic}", "N", "U", ""
-        yield f"{group}/NCMD/{node}", "SD", "N", ""
-        if spb.commands:
-            yield f"{group}/DCMD/{node}/+", "SD" if spb.operator in remote else "S", "N", ""
-        yield f"{group}/#", "", "S", ""
-        yield f"{NAMESPACE}/#", "", "P", ""
+        for kind in _OF_NODE:
+            yield Right(f"{group}/{kind}/{node}", "N", "U")
+        for kind in _OF_DEVICES:
+            what = "Sparkplug's device data" if kind == "DDATA" else ""
+            yield Right(f"{group}/{kind}/{node}/+", "N", "U", what)
+        yield Right(f"{group}/NCMD/{node}", "SD", "N", "Sparkplug's node commands")
+        writers = "" if not spb.commands else "SD" if spb.operator in remote else "S"
+        what = "Sparkplug's device commands"
+        yield Right(f"{group}/DCMD/{node}/+", writers, "N" if writers else "", what, real=starters)
+        what = "Sparkplug's data of another node"
+        yield Right(f"{group}/#", "", "S", what, end=f"DDATA/{PROBE}/{PROBE}")
+        yield Right(f"{NAMESPACE}/#", "", "P")
         if spb.primary_host is not None:
-            yield state_topic(spb.primary_host), "S", "NS", ""
+            yield Right(state_topic(spb.primary_host), "S", "NS", "the Sparkplug host's state")
 
 
-def _tried(config: Config, starters: Iterable[str], *, is_real: bool) -> Iterator[tuple[str, str]]:
-    """Yield topics to try, and what is published there: those of the probe, or of what exists."""
-    base, home, spb = config.base, config.home_assistant, sparkplug_here(config)
-    group, node = f"{NAMESPACE}/{spb.group if spb else ''}", (spb and spb.node) or config.gateway.name
-    for starter in starters:
-        yield f"{base}/starter/{starter}/state", "what a starter does"
-        for client in _clients(config):
-            for verb in ("start",) if is_real else VERBS:
-                yield f"{base}/command/{starter}/{client}/{verb}", f"commands of {client}"
-        if spb is not None:
-            yield f"{group}/DCMD/{node}/{starter}", "Sparkplug's device commands"
-    for topic in ("status", "fresh") if is_real else (PROBE,):
-        yield f"{base}/gateway/{topic}", "what the gateway says of itself"
-    if is_real:
-        return
-    yield f"{base}/starter/{PROBE}/event", "events of a starter"
-    yield f"{base}/audit", "the audit"
-    yield from ((f"{base}/result/{PROBE}/{client}", f"results for {client}") for client in _clients(config))
-    yield from ((f"{base}/command/{PROBE}/{PROBE}/{verb}", "commands of somebody unknown") for verb in VERBS)
-    yield f"{base}/{PROBE}", "what no one publishes"
-    yield f"{PROBE}/{PROBE}", "what is outside the base"
-    if home is not None:
-        yield f"{home.discovery_prefix}/device/{PROBE}/config", "discovery by Home Assistant"
-        yield home.birth_topic or f"{home.discovery_prefix}/status", "Home Assistant's birth"
-    if spb is not None:
-        yield f"{group}/DDATA/{node}/{PROBE}", "Sparkplug's device data"
-        yield f"{group}/NCMD/{node}", "Sparkplug's node commands"
-        yield f"{group}/DDATA/{PROBE}/{PROBE}", "Sparkplug's data of another node"
-        if spb.primary_host is not None:
-            yield state_topic(spb.primary_host), "the Sparkplug host's state"
-
-
-def _clients(config: Config) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(each.client for each in config.operators))
-
-
-def _takes(topic_filter: str, topic: str) -> bool:
-    """Return whether a filter takes a topic."""
-    pattern = re.escape(topic_filter).replace(r"\+", "[^/]+").replace(r"/\#", "(/.*)?")
-    return re.fullmatch(pattern, topic) is not None
+def _may(filters: Iterable[str], topic: str) -> bool:
+    """Return whether one of some filters takes a topic."""
+    patterns = (re.escape(rule).replace(r"\+", "[^/]+").replace(r"/\#", "(/.*)?") for rule in filters)
+    return any(re.fullmatch(pattern, topic) for pattern in patterns)

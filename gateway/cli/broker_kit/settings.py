@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import re
 from argparse import ArgumentTypeError, Namespace
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, NamedTuple, Self
+from typing import Any, Self
 
 from pydantic import BaseModel, ConfigDict
 
@@ -20,43 +19,19 @@ _HOST = r"(\*\.)?[A-Za-z0-9_]([A-Za-z0-9._-]*[A-Za-z0-9_])?|[0-9A-Fa-f:.]*:[0-9A
 _PORT = r"([1-9][0-9]{0,3}|[1-5][0-9]{4}|6[0-4][0-9]{3}|65[0-4][0-9]{2}|655[0-2][0-9]|6553[0-5])"
 _CENTRAL = rf"[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(:{_PORT})?"
 _LEVEL = r"([A-Za-z0-9_.-]|\{gateway\})+"
+_BASE = f"{_LEVEL}(/{_LEVEL})*"
+_FURTHER = f"{LOGIN_NAME}=.+"
 _DEFAULT_PORT = 8883
 
 
-class KitOption(NamedTuple):
-    """An option of the command line that a kit remembers; the empty text takes away what it remembers."""
-
-    sets: str  # field of `KitSettings`
-    metavar: str
-    pattern: str
-    about: str
-
-    def checked(self, text: str) -> str:
-        """Return a text of the option; argparse reports one that cannot be used."""
-        if text and not re.fullmatch(self.pattern, text):
-            raise ArgumentTypeError(f"{text!r} is no {self.metavar}")
-        return text
-
-
-OPTIONS: Mapping[str, KitOption] = {
-    "--host": KitOption(
-        "hosts", "ADDRESS", _HOST, "a name or address in the broker's certificate, beside mqtt.url's"
-    ),
-    "--viewer": KitOption("viewers", "NAME", LOGIN_NAME, "a login that may only look on; else viewer"),
-    "--auditor": KitOption(
-        "auditors", "NAME", LOGIN_NAME, "a login that reads events and audit; else auditor"
-    ),
-    "--login": KitOption(
-        "further", "NAME=OPERATOR", f"{LOGIN_NAME}=.+", "an operator's login for a second program"
-    ),
-    "--bridge": KitOption("bridge", "HOST[:PORT]", _CENTRAL, "a central broker: adds a bridge to it"),
-    "--bridge-base": KitOption(
-        "bridge_base",
-        "BASE",
-        f"{_LEVEL}(/{_LEVEL})*",
-        "base of this gateway's topics at the central broker, else mqtt.base",
-    ),
-}
+OPTIONS = (  # of the command line: which field of `KitSettings` it sets, by which pattern, and its help
+    ("--host", "hosts", "ADDRESS", _HOST, "a name or address in the broker's certificate, beside mqtt.url's"),
+    ("--viewer", "viewers", "NAME", LOGIN_NAME, "a login that may only look on; else viewer"),
+    ("--auditor", "auditors", "NAME", LOGIN_NAME, "a login that reads events and audit; else auditor"),
+    ("--login", "further", "NAME=OPERATOR", _FURTHER, "an operator's login for a second program"),
+    ("--bridge", "bridge", "HOST[:PORT]", _CENTRAL, "a central broker: adds a bridge to it"),
+    ("--bridge-base", "bridge_base", "BASE", _BASE, "this gateway's base of topics there, else mqtt.base"),
+)
 
 
 class KitSettings(BaseModel):
@@ -83,11 +58,11 @@ class KitSettings(BaseModel):
 
     def changed(self, args: Namespace) -> Self:
         """Return the options with those of the command line in their place."""
-        given: dict[str, Any] = {name: getattr(args, name) for name in type(self).model_fields}
-        given = {name: value for name, value in given.items() if value is not None}
-        for name, texts in given.items():
-            if not isinstance(texts, str):
-                given[name] = tuple(filter(None, texts))
+        given: dict[str, Any] = {}
+        for name in type(self).model_fields:
+            texts = getattr(args, name)
+            if texts is not None:
+                given[name] = texts if isinstance(texts, str) else tuple(filter(None, texts))
         if "further" in given:
             given["further"] = dict(text.split("=", 1) for text in given["further"])
         return self.model_copy(update=given)
@@ -100,3 +75,10 @@ class KitSettings(BaseModel):
         """Return the base of this gateway's topics at the central broker; empty without a bridge."""
         base = (self.bridge_base or config.base).replace("{gateway}", config.gateway.name)
         return base if self.bridge else ""
+
+
+def checked(text: str, *, pattern: str, metavar: str) -> str:
+    """Return a text of an option; argparse reports one that cannot be used. An empty one takes it away."""
+    if text and not re.fullmatch(pattern, text):
+        raise ArgumentTypeError(f"{text!r} is no {metavar}")
+    return text

@@ -9,6 +9,7 @@ from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
 
+from gateway.cli.command import counted
 from gateway.cli.doctor.findings import Finding
 from gateway.config import Config
 from gateway.errors import StoreError
@@ -49,10 +50,10 @@ def clock_finding(ask: Callable[[], bool | None] = kernel_says_synchronised) -> 
     return Finding("clock", what, Weight.WARNING, "install chrony, or switch systemd-timesyncd on")
 
 
-def dated_finding(config: Config, ask: Callable[[], bool] = is_kernel_clock_synchronised) -> Finding | None:
+def dated_finding(config: Config) -> Finding | None:
     """Return the finding about operators of `issued_at` alone on a machine whose clock proves nothing."""
     clients = dict.fromkeys(each.client for each in config.operators if each.freshness == BY_ISSUED_AT)
-    doubt = ClockWatch(config.gateway.clock, ask=ask).doubt()
+    doubt = ClockWatch(config.gateway.clock, ask=is_kernel_clock_synchronised).doubt()
     if not clients or doubt is None:
         return None
     return Finding(f"operator {', '.join(clients)}", dated_alone(doubt).text, Weight.WARNING)
@@ -66,28 +67,20 @@ def wear_findings(folder: Path) -> Iterator[Finding]:
         yield Finding("state_dir", str(error), Weight.NOTE)
         return
     for starter, count in sorted(writes.items()):
-        times = "once" if count == 1 else f"{count} times"
-        what = f"this gateway has written {times} to its non-volatile memory"
-        if count < WRITES_BORNE:
-            yield Finding(f"starter {starter}", what)
-        else:
-            why = f"flash is usually made for {WRITES_BORNE}"
-            remedy = f"{why}: find the program that writes the same setting repeatedly"
-            yield Finding(f"starter {starter}", what, Weight.WARNING, remedy)
+        what = f"this gateway has written {counted(count, 'time')} to its non-volatile memory"
+        remedy = f"flash is usually made for {WRITES_BORNE}: find the program that repeats the same setting"
+        trouble = (Weight.WARNING, remedy) if count >= WRITES_BORNE else ()
+        yield Finding(f"starter {starter}", what, *trouble)
 
 
 def state_dir_finding(folder: Path) -> Finding:
     """Return whether the state directory, and all that is the gateway's in it, may be written."""
-    if not folder.exists():
-        parent = next((each for each in folder.absolute().parents if each.exists()), Path("/"))
-        if os.access(parent, os.W_OK | os.X_OK):
-            return Finding("state_dir", f"{folder} is not there yet: `run` makes it")
-        return Finding("state_dir", f"{folder} is not there", Weight.ERROR, "make it for the gateway's user")
-    if not folder.is_dir():
-        return Finding("state_dir", f"{folder} is no folder", Weight.ERROR, "choose another one")
-    if not os.access(folder, os.R_OK | os.W_OK | os.X_OK):
-        what = f"{folder} may not be written by this user"
-        return Finding("state_dir", what, Weight.ERROR, "chown it to the gateway's user")
+    there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
+    if not there.is_dir() or not os.access(there, os.R_OK | os.W_OK | os.X_OK):
+        what = f"{there} is no folder, or may not be written by this user"
+        return Finding("state_dir", what, Weight.ERROR, f"make {folder}, and chown it to the gateway's user")
+    if there != folder.absolute():
+        return Finding("state_dir", f"{folder} is not there yet: `run` makes it")
     foreign = [str(path) for path in _foreign_in(folder)]
     if foreign:
         more = f" and {len(foreign) - 1} more" if len(foreign) > 1 else ""
@@ -130,29 +123,27 @@ def disk_finding(sync_s: float | None) -> Finding | None:
     if sync_s is None:
         return None
     what = f"a write to state_dir is on the disk after {sync_s * 1e3:.0f} ms"
-    remedy = "another disk, or nothing else that writes to this one"
     if sync_s <= SLOW_DISK_S:
         return Finding("disk", what)
-    if sync_s <= INTEND_WITHIN_S:
-        return Finding("disk", f"{what}: every start waits for it", Weight.WARNING, remedy)
-    return Finding("disk", f"{what}: starts are refused, not_stored", Weight.ERROR, remedy)
+    is_refused = sync_s > INTEND_WITHIN_S
+    what += ": starts are refused, not_stored" if is_refused else ": every start waits for it"
+    remedy = "another disk, or nothing else that writes to this one"
+    return Finding("disk", what, Weight.ERROR if is_refused else Weight.WARNING, remedy)
 
 
 def sync_s(state_dir: Path) -> float | None:
     """Return the longest of some writes that wait for the disk, as the store's do; None: not possible."""
     path = state_dir / "doctor.probe"
     longest_s = 0.0
-    try:
-        with path.open("wb") as file:
-            for _ in range(SYNCS):
-                begun_s = time.perf_counter()
-                file.write(bytes(SYNC_BYTES))
-                file.flush()
-                os.fsync(file.fileno())
-                longest_s = max(longest_s, time.perf_counter() - begun_s)
-    except OSError:
-        return None
-    finally:
-        with suppress(OSError):
+    with suppress(OSError):
+        try:
+            with path.open("wb", buffering=0) as file:
+                for _ in range(SYNCS):
+                    begun_s = time.perf_counter()
+                    file.write(bytes(SYNC_BYTES))
+                    os.fsync(file.fileno())
+                    longest_s = max(longest_s, time.perf_counter() - begun_s)
+        finally:
             path.unlink()
-    return longest_s
+        return longest_s
+    return None

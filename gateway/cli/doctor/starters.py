@@ -12,14 +12,13 @@ from gateway.config import setups_of, timing_of
 from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
 from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
 from gateway.families import Identity, Weight, device_of, diagnosis, reading
-from gateway.line import Garbled, LineClient, Outcome, PortOpener, Priority, Silent, exclusive_line
+from gateway.line import Outcome, PortOpener, Survey
 from gateway.modbus import Request
 from gateway.mqtt import BrokerSettings, CommandClient
 from gateway.starters import (
     FINGERPRINTS,
     KNOWN,
     StarterSetup,
-    ask,
     identified,
     merged,
     mismatch_in,
@@ -60,16 +59,17 @@ class LineCheckup:
         timing, allowance_s = timing_of(table), table.adapter_allowance_s
         if may_use(table.port, self.state_dir):
             try:
-                async with exclusive_line(table.name, self.opener, timing, allowance_s=allowance_s) as line:
+                async with Survey(self.opener, timing, allowance_s=allowance_s) as survey:
                     self._say(where, f"{table.port} opens")
                     for setup in setups:
-                        await self._ask_directly(setup, line)
+                        await self._ask_directly(setup, survey)
+                    if survey.is_echoing:
+                        self._say(where, "its adapter echoes what it sends; the gateway drops the echo")
+                    return
             except PortError as error:
                 if isinstance(error, PortLostError) or error.reason != BUSY:
                     self._say(where, str(error), Weight.ERROR)
                     return
-            else:
-                return
         self._say(where, f"{table.port} is in use; the gateway is asked over MQTT")
         for setup in setups:
             await self._ask_the_gateway(setup)
@@ -77,12 +77,10 @@ class LineCheckup:
     def _say(self, where: str, text: str, weight: Weight | None = None, remedy: str = "") -> None:
         self.findings.add(Finding(where, text, weight, remedy))
 
-    async def _ask_directly(self, setup: StarterSetup, line: LineClient) -> None:
+    async def _ask_directly(self, setup: StarterSetup, survey: Survey) -> None:
         async def put(request: Request) -> Outcome:
-            outcome = await ask(line, setup, request, lane=Priority.READ_BACK)
-            if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:  # nothing ever will be
-                raise PortLostError(self.prospect.table.port, outcome.reason, "what else is on this line?")
-            return outcome
+            within_s = setup.response_time_of(request)
+            return await survey.ask(setup.address, request, response_time_s=within_s)
 
         where, codes = f"starter {setup.name}", _codes(setup)
         try:

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from gateway.cli.broker import add_login
-from gateway.cli.command import Progress, counted, flag, write_text
+from gateway.cli.command import Progress, add_starter, flag, write_text
 from gateway.cli.parameters.restore import restore
 from gateway.cli.parameters.through_gateway import LiveStarter, variant_of
 from gateway.contract import rfc3339
@@ -35,10 +35,9 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         actions.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")
         for name, about in _ABOUT.items()
     )
-    for each, about in ((save, "a new TOML file; - for the standard output"), (restoring, "a saved file")):
-        each.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
-        each.add_argument("starter", metavar="STARTER", help="the starter's name")
-        each.add_argument("file", metavar="FILE", help=about)
+    for action, about in ((save, "a new TOML file; - for the standard output"), (restoring, "a saved file")):
+        add_starter(action)
+        action.add_argument("file", metavar="FILE", help=about)
     diff.add_argument("a", metavar="A", help="a saved file, or CONFIG:STARTER for a live one")
     diff.add_argument("b", metavar="B", nargs="?", help="another one")
     flag(
@@ -46,7 +45,6 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--factory",
         about="instead of B: what the starter is delivered with, as far as its serial manual prints it",
     )
-    flag(diff, "--all", about="also rows that can only be read: measured values, and some settings")
     flag(restoring, "--dry-run", about="print what would be written, and write nothing")
     flag(
         restoring,
@@ -54,9 +52,8 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         about="also those that say who commands the motor ([protected.command_sources]): writing them may"
         " start the motor when a run command is pending in the starter",
     )
-    flag(restoring, "--other-model", about="restore also a file that was saved from another model")
-    for each in (save, diff, restoring):
-        add_login(each, client="the operator; may be left out when there is only one")
+    for action in (save, diff, restoring):
+        add_login(action, client="the operator; may be left out when there is only one")
 
 
 def run(args: argparse.Namespace) -> int:
@@ -103,17 +100,14 @@ def _diff(args: argparse.Namespace) -> int:
         after = _set(args.b, args)
     if before.family != after.family:
         raise UsageError(f"{args.a} is of family {before.family}, {args.b} of {after.family}: not comparable")
-    found = differences(before, after, profile=profile, with_readings=args.all and not args.factory)
+    found = differences(before, after, profile=profile)
     for difference in found:
         print(difference.text)
     if args.factory:
         same = [code for code in after.parameters if code not in {each.code for each in found}]
         print(f"as delivered: {', '.join(same) or 'none'}")
     elif not found:
-        what = "no difference" if args.all else "no setting differs"
-        unseen = len(differences(before, after, profile=profile, with_readings=True))
-        more = f" (--all shows {counted(unseen, 'row')} that can only be read)" if unseen else ""
-        print(f"{what} between {args.a} and {args.b}{more}")
+        print(f"no setting differs between {args.a} and {args.b}")
     return 1 if found else 0
 
 

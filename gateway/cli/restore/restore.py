@@ -9,11 +9,11 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from contextlib import suppress
-from dataclasses import dataclass
 from itertools import count
 from pathlib import Path
+from typing import NamedTuple
 
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, missing_in, name_in_backup
@@ -55,8 +55,8 @@ def run(args: argparse.Namespace) -> int:
 
 def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) -> None:
     place = _place(archive, to)
-    if not is_replacing and (there := [*place.in_the_way()]):
-        what = f"already there: {', '.join(str(each) for each in there[:3])}"
+    if not is_replacing and (there := [*filter(os.path.lexists, place.files), *place.old_state()]):
+        what = f"already there: {', '.join(str(path) for path in there[:3])}"
         raise StartError(what, "--replace sets them aside, --to DIR restores elsewhere")
     with suppress(ConfigError, OSError):
         state_dir = place.folder / load(place.path).gateway.state_dir
@@ -85,11 +85,9 @@ def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) ->
         try:
             _switch(place, stage, old, aside)
         except OSError as error:
-            what = (
-                f"{error.filename or place.state_dir}: {error.strerror}; the gateway has no configuration now"
-            )
+            what = f"{error.filename or place.state_dir}: {error.strerror}"
             hint = "correct this, then restore once more with --replace; what was there is set aside"
-            raise StoreError(f"{what} ({hint})") from error
+            raise StoreError(f"{what}; the gateway has no configuration now ({hint})") from error
     if old:
         print(f"set aside: the state that was there, as {aside}")
     _report(archive.manifest, place, locked)
@@ -125,7 +123,7 @@ def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
         (stage / path).replace(place.state_dir / path)
     own = {place.state_dir / each for path in new for each in (path, *path.parents)} - {place.state_dir}
     give_to_owner_of(place.state_dir, [*own, *([aside, *aside.rglob("*")] if old else [])])
-    for path in reversed(place.files):
+    for path in reversed(list(place.files)):
         _restored(path).replace(path)
         sync_file(path.parent)
     shutil.rmtree(stage, ignore_errors=True)
@@ -139,32 +137,24 @@ def _unused_name(place: _Place) -> str:
     return next(name for number in count(1) if not is_used(name := f"{ASIDE}-{number}"))
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    """Where everything goes; files by their place below the folder, with their names in the backup."""
+class _Place(NamedTuple):
+    """Where everything goes, with its name in the backup."""
 
     config: Config
-    path: Path  # of the configuration
     folder: Path
     state_dir: Path
-    configured: Mapping[str, str]
-    state: Mapping[str, str]
+    files: Mapping[Path, str]  # the configuration and those that it names
+    state: Mapping[str, str]  # by the name in the state directory
 
     @property
-    def files(self) -> list[Path]:
-        """Return where the configuration and its files go, the configuration first."""
-        paths = (self.folder / name for name in self.configured)
-        return [self.path, *(path for path in paths if path != self.path)]
+    def path(self) -> Path:
+        """Return where the configuration goes, the first of the files."""
+        return next(iter(self.files))
 
     def old_state(self) -> list[Path]:
         """Return what a restore replaces in the state directory: a gateway's own files."""
         paths = backup.own_files(self.state_dir) if self.state_dir.is_dir() else ()
         return sorted(path for path in paths if not path.name.startswith(FILE))
-
-    def in_the_way(self) -> Iterator[Path]:
-        """Yield what is there already."""
-        yield from (path for path in self.files if os.path.lexists(path))
-        yield from self.old_state()
 
 
 def _place(archive: backup.Archive, to: Path | None) -> _Place:
@@ -175,18 +165,19 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
     if not is_named or "/" in facts.config or own not in facts.files:
         raise DamagedError("the backup does not say which file is its configuration")
     config = parse(archive.read(own).decode("utf-8", "replace"), str(folder / facts.config))
-    known = {own, *(name_in_backup(before, path) for path in files_of(config))}
     state = {name.removeprefix(f"{STATE}/"): name for name in facts.files if name.startswith(f"{STATE}/")}
-    configured = [name for name in facts.files if name not in state.values()]
-    foreign = [name for name in configured if name not in known]
-    if foreign := foreign + [name for name in state if not backup.is_state_name(name)]:
+    known = {own, *(name_in_backup(before, path) for path in files_of(config))}
+    known |= {name for within, name in state.items() if backup.is_state_name(within)}
+    if foreign := [name for name in facts.files if name not in known]:
         raise DamagedError(f"the backup holds {foreign[0]}, which its configuration does not name")
     state_dir = folder / config.gateway.state_dir
     if to is not None:  # below that folder, whatever the configuration says
         state_dir = Path(os.path.normpath(state_dir))
         state_dir = state_dir if state_dir.is_relative_to(folder) else folder / STATE
-    places = {name.removeprefix(f"{CONFIG}/"): name for name in configured}
-    return _Place(config, folder / facts.config, folder, state_dir, places, state)
+    names = [own, *(name for name in facts.files if name not in (own, *state.values()))]
+    return _Place(
+        config, folder, state_dir, {folder / name.removeprefix(f"{CONFIG}/"): name for name in names}, state
+    )
 
 
 def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:
@@ -204,8 +195,8 @@ def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[st
 
 def _write_configured(archive: backup.Archive, place: _Place) -> None:
     """Write the configuration and what it refers to beside their places, each for those who might read it."""
-    for name, stored in place.configured.items():
-        path = _restored(place.folder / name)
+    for place_of_file, stored in place.files.items():
+        path = _restored(place_of_file)
         path.parent.mkdir(parents=True, exist_ok=True)
         archive.extract(stored, path)
         mode, user, group = archive.rights(stored)
@@ -221,7 +212,7 @@ def _restored(path: Path) -> Path:
 def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:
     config, folder = place.config, place.folder
     print(f"gateway {config.gateway.name}, backup of {facts.made} by version {facts.version}")
-    print(f"configuration: {len(place.configured)} files in {folder}")
+    print(f"configuration: {len(place.files)} files in {folder}")
     print(f"state: {len(place.state)} files in {place.state_dir}")
     moved = files_of(config) if folder != Path(facts.folder) else ()
     elsewhere = [str(each) for each in moved if (folder / each).is_relative_to(facts.folder)]
@@ -229,7 +220,7 @@ def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:
         elsewhere.append(str(config.gateway.state_dir))
     if elsewhere:
         print(f"the configuration names places that are others now: change {', '.join(elsewhere)}")
-    if any(name.startswith(f"{OUTSIDE}/") for name in place.configured):
+    if any(name.startswith(f"{OUTSIDE}/") for name in place.files.values()):
         print(f"files of other folders are below {folder / OUTSIDE}: put each where it belongs")
     if missing := missing_in(facts):
         print(f"not in the backup, to be given again: {', '.join(missing)}")

@@ -43,7 +43,7 @@ class RtuMaster:
         self._gap_s = timing.silence_s + allowance_s
         self._allowance_s = allowance_s
         self._note_frame = note_frame
-        self._is_echoing = False  # the adapter repeats what it sends
+        self.is_echoing = False  # the adapter repeats what it sends
         self._port: Port
         self._time: Callable[[], float]
 
@@ -121,7 +121,7 @@ class RtuMaster:
         deadline_s += self._allowance_s
         received, foreign = b"", None
         # The usual case: first the bytes of the shortest reply, which may be a refusal, then the rest.
-        if size is not None and not (sent.is_mirrored or self._is_echoing):
+        if size is not None and not (sent.is_mirrored or self.is_echoing):
             read = self._port.read
             received = await read(until_s=deadline_s, count=_HEAD)
             if _HEAD <= len(received) < size and received[:_HEAD] == sent.adu[:_HEAD]:
@@ -147,14 +147,14 @@ class RtuMaster:
         # A reply of unknown length is waited for chunk by chunk, each as long as its first would take.
         if sent.reply_size is None:
             until_s += (_FIRST_CHUNK_SIZE - adu.MAX_ADU_SIZE) * self._character_s
-        reception = Reception(sent, is_echoing=self._is_echoing)
+        reception = Reception(sent, is_echoing=self.is_echoing)
         reception.feed(received)
         while True:
             # Several frames may lie in one chunk: a late reply of another request, then this one's.
             while (frame := reception.take_frame()) is not None:
                 outcome = self._judge(sent, frame, len(reception.rest()), sent_end_s)
                 if not isinstance(outcome, Garbled):
-                    self._is_echoing = reception.has_echo or (self._is_echoing and sent.is_mirrored)
+                    self.is_echoing = reception.has_echo or (self.is_echoing and sent.is_mirrored)
                     self.silence.drop(reception.rest())
                     return outcome
                 foreign = outcome
@@ -167,7 +167,7 @@ class RtuMaster:
             until_s = min(deadline_s, max(until_s, self._port.last_byte_s + self._gap_s))
         # The deadline has passed: bytes without a frame are noise, none at all is silence.
         rest = reception.rest()
-        self._is_echoing = self._is_echoing or reception.has_echo
+        self.is_echoing = self.is_echoing or reception.has_echo
         if rest:
             self._note_frame(self._port.last_byte_s, RECEIVED, rest)
             self.bus_faults.note_garbled(sent.unit, len(rest), sent.reply_size, self._time())

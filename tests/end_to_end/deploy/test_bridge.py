@@ -18,8 +18,7 @@ from paho.mqtt.client import MQTTMessage
 from gateway.client import Client
 from gateway.contract import rfc3339
 from tests.end_to_end.deploy.kit_site import BROKER_PAGE, KitPlace, commands
-from tests.end_to_end.site import Program
-from tests.listener import BrokerListener
+from tests.end_to_end.site import Program, Scada
 from tests.mosquitto import Certificate, MosquittoBroker, StartMosquitto
 from tests.relay import Relay
 from tests.rig import sites
@@ -49,19 +48,16 @@ SITE = (
 )
 
 
-class Observed(BrokerListener):
-    """What a client of one broker has seen: topics and texts."""
+class Observed(Scada):
+    """What a client of one broker has seen, all of it, too."""
 
-    def __init__(
-        self, base: str, port: int, topics: str, user: tuple[str, str], ca: Path | None = None
-    ) -> None:
-        super().__init__(port, topics, user=user, ca=ca)
-        self.base = base
+    def __init__(self, base: str, port: int, user: tuple[str, str], ca: Path | None = None) -> None:
+        super().__init__(port, base=base, client="dispatch", user=user, ca=ca)
         self.messages: list[tuple[str, str]] = []
-        self.start()
 
     def take(self, message: MQTTMessage) -> None:
         self.messages.append((message.topic, message.payload.decode()))
+        super().take(message)
 
     def numbered(self) -> dict[tuple[str, str, int], str]:
         """Return the payload of each message that has a name of its own: topic, boot, seq."""
@@ -71,18 +67,6 @@ class Observed(BrokerListener):
             if "seq" in body and "boot" in body:
                 found[topic.removeprefix(self.base), body["boot"], body["seq"]] = text
         return found
-
-    def bodies(self, topic: str) -> list[dict[str, object]]:
-        return [json.loads(text) for where, text in self.messages if where == f"{self.base}/{topic}"]
-
-    async def until(self, topic: str, *, within_s: float = 20.0, **wanted: object) -> dict[str, object]:
-        """Wait for a message of a topic with all these fields."""
-
-        def found() -> list[dict[str, object]]:
-            return [body for body in self.bodies(topic) if wanted.items() <= body.items()]
-
-        await until(found, f"{topic} has {wanted}", within_s)
-        return found()[0]
 
 
 @dataclass
@@ -154,16 +138,14 @@ async def bridged(folder: Path, start_mosquitto: StartMosquitto) -> AsyncIterato
         )
         link.target = central.port
         prover = ("prover", (place.kit / "logins/prover").read_text("utf-8").strip())
-        here = Observed(BASE, place.loopback_port, f"{BASE}/#", prover)
-        there = Observed(CENTRAL_BASE, central.port, "acme/#", CONSUMER, certificate.cert)
-        for observed in (here, there):
-            stack.callback(observed.stop)
+        here = await stack.enter_async_context(Observed(BASE, place.loopback_port, prover))
+        seen = Observed(CENTRAL_BASE, central.port, CONSUMER, certificate.cert)
+        there = await stack.enter_async_context(seen)
         simulator = await stack.enter_async_context(Program("gateway", "simulate", str(place.config)))
         await simulator.says("line hall")
         await stack.enter_async_context(Program("gateway", "run", str(place.config)))
         site = Bridged(place, central, link, here, there, users)
-        await there.until("starter/pump/state", state="ready", quality="good")
-        await there.until("starter/pump/info", firmware="1.40")  # before that a start is refused
+        await there.ready("pump")
         await there.until("gateway/status", state="online")
         yield site
 
@@ -184,17 +166,16 @@ async def test_nothing_acts_late_over_a_bridge_and_nothing_is_lost(
 
 async def check_fresh(site: Bridged) -> None:
     """A dated start acts at once, one with a token alone is refused."""
-    token = site.at_central.bodies("gateway/fresh")[-1]["token"]
-    body = json.dumps({"id": "by-token", "token": token})
+    body = json.dumps({"id": "by-token", "token": await site.at_central.token()})
     await site.send(f"{CENTRAL_BASE}/command/pump/dispatch/start", body)
-    refusal = await site.at_central.until("result/pump/dispatch", id="by-token", phase="rejected")
+    refusal = await site.at_central.result("pump", id="by-token", phase="rejected")
     assert refusal["code"] == "not_fresh"
     assert "need issued_at" in str(refusal["text"])
 
     await site.command("start", "live")
-    await site.at_central.until("result/pump/dispatch", id="live", phase="confirmed")
+    await site.at_central.result("pump", id="live", phase="confirmed")
     await site.command("stop", "live-stop")
-    await site.at_central.until("result/pump/dispatch", id="live-stop", phase="confirmed")
+    await site.at_central.result("pump", id="live-stop", phase="confirmed")
 
 
 async def check_severed(site: Bridged) -> None:
@@ -234,12 +215,10 @@ async def check_stalled(site: Bridged) -> None:
 
     await site.link.join()
 
-    refusal = await site.at_central.until("result/pump/dispatch", id="held-up", phase="rejected")
+    refusal = await site.at_central.result("pump", id="held-up", phase="rejected")
     assert refusal["code"] == "expired"
-    phases = [
-        body["phase"] for body in site.at_edge.bodies("result/pump/dispatch") if body["id"] == "held-up"
-    ]
-    assert phases == ["rejected"]
+    await site.at_edge.result("pump", id="held-up", phase="rejected")
+    assert site.at_edge.phases("held-up") == ["rejected"]
 
 
 async def check_stopped(site: Bridged) -> None:

@@ -7,11 +7,9 @@ import shutil
 import signal
 import subprocess
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
-from gateway.cli.broker_kit.logins import password_line
 from tests.end_to_end.deploy.kit_site import KitPlace, commands
 from tests.mosquitto import _find, missing_programs
 
@@ -42,9 +40,11 @@ HOLES = {  # each in the list, and what the proof then finds
     ("user auditor\n", "user auditor\ntopic read {base}/result/#\n"): {
         "auditor: reads results for alice",
         "auditor: reads results for scada",
+        "auditor: reads results for somebody unknown",
     },
     ("topic read {base}/result/+/scada\n", "topic read {base}/result/#\n"): {
-        "scada: reads results for alice"
+        "scada: reads results for alice",
+        "scada: reads results for somebody unknown",
     },
     ("user viewer\n", "user viewer\ntopic write {base}/starter/+/state\n"): {
         "viewer: writes what a starter does",
@@ -74,6 +74,11 @@ HOLES = {  # each in the list, and what the proof then finds
     },
     ("user mcc1-spb\n", "user mcc1-spb\ntopic write acl-probe/#\n"): {
         "mcc1-spb: writes what is outside the base"
+    },
+    # a pattern is everybody's
+    ("user scada\n", "pattern write {base}/command/+/%u/stop\n\nuser scada\n"): {
+        f"{login}: writes commands of somebody unknown"
+        for login in ("mcc1", "viewer", "auditor", "prover", "mcc1-spb", "sparkplug-host")
     },
     # before the first user: for those without a login
     ("", "topic write {base}/command/#\n\n"): set[str](),
@@ -176,18 +181,3 @@ def test_that_everybody_may_choose_a_client_id_is_found(holed: subprocess.Comple
     takers = {each.removesuffix(TAKES_ID) for each in wrong(holed) if each.endswith(TAKES_ID)}
 
     assert takers == {"alice", "scada", "viewer", "auditor", "prover", "mcc1-spb", "sparkplug-host"}
-
-
-def test_mosquitto_passwd_makes_the_same_line_of_the_same_salt(tmp_path: Path) -> None:
-    program = _find("mosquitto_passwd")
-    if program is None:
-        pytest.skip("mosquitto_passwd is not here")
-    path = tmp_path / "passwords"
-    subprocess.run(
-        [program, "-b", "-c", path, "alice", "a secret"], check=True, capture_output=True, timeout=10
-    )
-    (line,) = path.read_text("utf-8").splitlines()
-
-    import base64
-
-    assert password_line("alice", "a secret", salt=base64.b64decode(line.split("$")[3])) == line

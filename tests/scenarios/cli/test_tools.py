@@ -19,11 +19,6 @@ from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, lin
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
 TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05"}
-NAMED = (
-    '[mqtt]\nurl = "mqtts://broker.plant:8883"\nusername = "plant"\npassword_file = "mqtt.password"\n'
-    + SSW07
-    + ALICE
-)
 
 
 def ran(words: str, **said: object) -> Any:
@@ -156,6 +151,7 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         SSW07,
         "ok      broker 127.0.0.1:1883: takes the gateway's login, MQTT 5",
         "ok      line pumps: /dev/pumps opens",
+        r"\A(?![\s\S]*echoes)",
         "ok      starter pump: is SSW-07 85.0A",
         r"ok      starter pump: its command sources: P220 = 6 \(Serial \(standard is remote\)\), P229 = ",
         "note    starter pump: no watchdog is on: ",
@@ -249,6 +245,14 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
                 ),
             )
         },
+    ),
+    looked(
+        "an adapter that echoes is named",
+        SSW07,
+        "ok      line pumps: its adapter echoes what it sends",
+        "ok      starter pump: is SSW-07 85.0A",
+        code=None,
+        then=["line pumps echo"],
     ),
     looked(
         "a port that is lost on the way is a problem",
@@ -522,7 +526,6 @@ def test_a_tool(row: ScenarioRow) -> None:
     play(row)
 
 
-SECRET = {"mqtt.password": "secret-of-the-broker\n"}
 LOCAL = '[mqtt]\nurl = "mqtt://localhost"\nusername = "plant"\n' + SSW07 + ALICE  # without certificates
 WRONG_OPTIONS = {
     "two logins have the name": (
@@ -550,12 +553,6 @@ def kit(name: str, options: str = "", *, given: str = LOCAL, **said: Any) -> Any
 
 
 KIT = [
-    kit(
-        "a kit has a configuration, an access list, passwords and certificates",
-        given=NAMED,
-        files=SECRET,
-        out="kit",
-    ),
     kit(
         "it is for a login with a name",
         given=SSW07 + ALICE,

@@ -115,7 +115,7 @@ UPGRADES = [
                 cli("audit show CONFIG", out=("version 0.2.0", "c4", "which 0.2.0 has written")),
                 cli(f"audit verify CONFIG --contains {FIRST_HASH}", out="chain whole"),
                 cli("history CONFIG belt", out="full voltage, 3.9151 s"),
-                cli("doctor CONFIG", code=None, out="pump: this gateway has written once"),
+                cli("doctor CONFIG", code=None, out="pump: this gateway has written 1 time"),
                 cli("restore DIR/state/before-upgrade.tar.gz --to DIR/back", out="11 files in"),
                 untouched,
             ],

@@ -102,12 +102,6 @@ def test_a_difference_is_shown_with_values_and_labels(
     assert [each.text for each in differences(before, after, profile=SSW07)] == ([text] if text else [])
 
 
-def test_what_is_measured_counts_only_when_asked_for() -> None:
-    found = differences(of_raw(P003=1), of_raw(P003=2), profile=SSW07, with_readings=True)
-
-    assert [each.code for each in found] == ["P003"]
-
-
 @pytest.mark.parametrize(
     ("entry", "shown"),
     [
