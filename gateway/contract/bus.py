@@ -55,10 +55,7 @@ class RecordWriter:
             seq=next(self.sequence),
             time_s=self.clock.utc_s() if time_s is None else time_s,
             boot=self.boot,
-            code=event.code,
-            severity=event.severity,
-            text=event.text,
-            data=event.data,
+            **event._asdict(),
         )
 
 

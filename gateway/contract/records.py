@@ -19,11 +19,10 @@ from functools import cache
 from operator import not_
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
-from pydantic_core import PydanticSerializationError
+from pydantic import BeforeValidator, Field, PlainSerializer
 
 from gateway.contract.events import EventCode
-from gateway.contract.json_text import encoded, read_object, with_decimals
+from gateway.contract.json_text import adapter_of, encoded, read_object
 from gateway.contract.results import meaning_of
 from gateway.contract.statistics import LineStatistics
 from gateway.contract.topics import to_level
@@ -46,23 +45,18 @@ T = TypeVar("T")
 InTopic = Annotated[str, Field(exclude=True)]
 
 
-def _seconds(time: object) -> float | None:
+def _seconds(time: object) -> float:
     if time is None:
-        return None
+        return math.nan
     if not isinstance(time, str):
         raise ValueError("must be a text")  # noqa: TRY004 - as pydantic reports it
     return datetime.fromisoformat(time).timestamp()
 
 
-def _known_seconds(time: object) -> float:
-    seconds = _seconds(time)
-    return math.nan if seconds is None else seconds
-
-
 _Text = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")]
 _AS_TEXT = PlainSerializer(rfc3339, return_type=_Text | None)  # null: beyond the calendar
-Time = Annotated[float, BeforeValidator(_known_seconds), _AS_TEXT]
-PossibleTime = Annotated[float | None, BeforeValidator(_seconds), _AS_TEXT]
+Time = Annotated[float, BeforeValidator(_seconds), _AS_TEXT]
+PossibleTime = Time | None
 Seq = Annotated[int, says("counts up by one over everything that this run publishes")]
 Boot = Annotated[
     str, says("names this run of the gateway: topic, boot and seq name a message once and for all")
@@ -109,12 +103,13 @@ def _rounded(digits: int) -> PlainSerializer:
 Measured = Annotated[float, _rounded(4)]
 
 
-def _made_keys(kind: type) -> frozenset[str]:
-    return frozenset(_adapter_of(kind).json_schema(mode="serialization")["properties"])
+def _made_keys(kind: type[Record]) -> frozenset[str]:
+    """Return the keys of its JSON, but of what stands beside the other fields."""
+    keys = adapter_of(kind).json_schema(mode="serialization")["properties"]
+    return frozenset(keys) - {kind.BESIDE}
 
 
-_adapter_of: Callable[[type], TypeAdapter[Any]] = cache(TypeAdapter)
-_keys_of: Callable[[type], frozenset[str]] = cache(_made_keys)  # of its JSON
+_own_keys_of: Callable[[Any], frozenset[str]] = cache(_made_keys)
 
 
 @cache  # as many as there are points
@@ -153,16 +148,12 @@ class Record:
 
     def payload(self) -> bytes:
         """Return the record as JSON."""
-        serializer = _adapter_of(type(self)).serializer
-        try:
-            payload = with_decimals(serializer.to_json(self, by_alias=True))
-        except PydanticSerializationError:  # a lone surrogate, or a type that JSON has no form for
-            payload = encoded(self.fields())
-        if self.BESIDE:
-            own = _keys_of(type(self)) - {self.BESIDE}  # which cannot be overwritten
-            added = {key: value for key, value in getattr(self, self.BESIDE).items() if key not in own}
-            return payload[:-1] + b"," + encoded(added)[1:] if added else payload
-        return payload
+        payload = encoded(self, type(self))
+        if not self.BESIDE:
+            return payload
+        own = _own_keys_of(type(self))  # which cannot be overwritten
+        added = encoded({key: value for key, value in getattr(self, self.BESIDE).items() if key not in own})
+        return b"{%b}" % b",".join(filter(None, (payload[1:-1], added[1:-1])))
 
 
 def read_record(kind: type[R], payload: bytes, **names: str) -> R:
@@ -171,20 +162,20 @@ def read_record(kind: type[R], payload: bytes, **names: str) -> R:
     A field of a later version is ignored; one that a later version adds here has a default.
     """
     found = read_object(payload)
-    own = {key: found.pop(key) for key in (_keys_of(kind) - {kind.BESIDE}) & found.keys()}
+    own = {key: found.pop(key) for key in _own_keys_of(kind) & found.keys()}
     beside = {kind.BESIDE: found} if kind.BESIDE else {}
     return read_stored(kind, {**own, **beside}, **names)
 
 
 def read_stored(kind: type[T], data: Mapping[str, Any], **names: str) -> T:
     """Return an object from its JSON, with the names that stand in its topic; ValueError when it is none."""
-    found: T = _adapter_of(kind).validate_python({**data, **names})
+    found: T = adapter_of(kind).validate_python({**data, **names})
     return found
 
 
 def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
     """Return an object as `read_stored` reads it, but some of its fields."""
-    serializer = _adapter_of(type(thing)).serializer
+    serializer = adapter_of(type(thing)).serializer
     fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
     return fields
 
@@ -525,10 +516,6 @@ class LineRecord(Record):
     line: InTopic
     data: Annotated[Mapping[str, Any], _described_by(LineStatistics), _beside("all counters and times")]
 
-    def payload(self) -> bytes:
-        """Return the statistics as JSON."""
-        return encoded(self.data)
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OutboxRecord(Record):
@@ -663,4 +650,4 @@ def history_item(record: ValueRecord) -> bytes:
         time_s=record.time_s,
         seq=record.seq,
     )
-    return with_decimals(_adapter_of(HistoryItem).serializer.to_json(item, by_alias=True))
+    return encoded(item, HistoryItem)
