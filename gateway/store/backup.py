@@ -80,8 +80,7 @@ class Archive(NamedTuple):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with open(path, "wb", opener=_fresh) as file:
             shutil.copyfileobj(_opened(self.tar, self.tar.getmember(name)), file)
-            file.flush()
-            os.fsync(file.fileno())
+        sync_file(path)
 
     def rights(self, name: str) -> tuple[int, str, str]:
         """Return the mode, the user and the group that a file had."""

@@ -160,16 +160,13 @@ class Journal:
 
     def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Have the commands of earlier runs read, once, before any of this run is written."""
-        done = self._store.submit(_read, key=("recall",), is_urgent=True)
-        done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
 
-    def _recall(
-        self, on_recalled: Callable[[Sequence[Remembered]], None], future: Future[list[Remembered]]
-    ) -> None:
-        if future.exception() is not None:  # a bug: without the ledger no start is taken
-            return
-        self._is_recalled = True
-        on_recalled(future.result())
+        def take(done: Future[list[Remembered]]) -> None:
+            if done.exception() is None:  # else a bug: without the ledger no start is taken
+                self._is_recalled = True
+                on_recalled(done.result())
+
+        self._store.submit(_read, key=("recall",), is_urgent=True).add_done_callback(on_this_loop(take))
 
 
 def _read(connection: Connection) -> list[Remembered]:

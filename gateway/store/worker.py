@@ -53,7 +53,7 @@ class News(enum.StrEnum):
     OPEN = "store_open"  # for the first time
     BACK = "store_back"  # open again, after AWAY
     AWAY = "store_away"  # nothing can be stored
-    LOST = "store_lost"  # the file was set aside; a new one is in use
+    LOST = "store_lost"  # the file was set aside; a new one begins
 
 
 OnNews = Callable[[News, str], None]  # with a text for people
@@ -106,7 +106,7 @@ class Store:
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
         self._error: StoreError | None = StoreError("it is not open yet")  # why nothing can be stored
         self._retry_s = 0.0  # when what failed is tried again; 0: nothing has been tried yet
-        self._busy_since_s: float | None = None
+        self._busy_since_s = inf  # at one transaction
         self._is_closed = False
 
     @property
@@ -195,8 +195,7 @@ class Store:
         return not self._thread.is_alive()
 
     def _busy_s(self) -> float:
-        since_s = self._busy_since_s
-        return 0.0 if since_s is None else time.monotonic() - since_s
+        return time.monotonic() - self._busy_since_s
 
     # Everything below happens in the thread.
 
@@ -260,7 +259,7 @@ class Store:
                 self._end(begun[-1], error=failure)
             else:  # it is not a piece's, and comes again
                 self._fail(batch, failure)
-        self._busy_since_s = None
+        self._busy_since_s = inf
 
     def _transact(self, batch: Sequence[Piece], begun: list[Piece]) -> list[Any]:
         """Do the work; on a full disk only what deletes. StoreError."""
