@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
 
 
@@ -28,12 +26,3 @@ def test_what_is_not_known_is_absent_only_where_it_is_optional() -> None:
         "from": None,
         "to": "running",
     }
-
-
-def test_a_case_that_the_code_has_not_is_an_error() -> None:
-    with pytest.raises(KeyError):
-        event_of(EventCode.SPARKPLUG_AWAY, "other")
-
-
-def test_a_value_with_braces_stays_as_it_is() -> None:
-    assert event_of(EventCode.BROKER_AWAY, trouble="{x}").text == "{x}"
