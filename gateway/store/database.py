@@ -239,9 +239,10 @@ def write_file(path: Path, schema: Schema, work: Work) -> None:
 
 @contextmanager
 def _reader(path: Path, schema: Schema) -> Iterator[tuple[Connection, int]]:
-    """Open a file for reading; yield it with its version. Nothing is made beside one without a log: no process has it open.
+    """Open a file for reading; yield it with its version.
 
-    So nothing changes meanwhile (sqlite.org/wal.html 5), unless a gateway starts, which fails the reading.
+    Nothing is made beside one without a log: no process has it open. So nothing changes meanwhile
+    (sqlite.org/wal.html 5), unless a gateway starts, which fails the reading.
     """
     with translated(path, are_bugs=False):
         if not path.exists():
