@@ -100,6 +100,10 @@ def _rounded(digits: int) -> PlainSerializer:
     return PlainSerializer(lambda number: round(number, digits), return_type=float)
 
 
+def _empty() -> Any:
+    return field(default_factory=dict)
+
+
 Measured = Annotated[float, _rounded(4)]
 
 
@@ -229,7 +233,7 @@ class StateRecord(Record):
     lock: Annotated[LockRecord | None, says("the maintenance lock; null: not locked", alias="locked")] = None
     flags: Annotated[
         Mapping[str, bool | None], _beside("each boolean point by its name: true, false, or null: not known")
-    ] = field(default_factory=dict)
+    ] = _empty()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -303,9 +307,7 @@ class EventRecord(Record):
     code: Annotated[EventCode, says("what happened, for programs: see the events")]
     severity: Annotated[Severity, says("error: a person must act")]
     text: Annotated[str, says("what happened, for people")]
-    data: Annotated[Mapping[str, Any], says("depends on the code: see the events")] = field(
-        default_factory=dict
-    )
+    data: Annotated[Mapping[str, Any], says("depends on the code: see the events")] = _empty()
 
     @property
     def topic(self) -> str:
@@ -331,9 +333,7 @@ class ResultRecord(Record):
     is_duplicate: Annotated[
         bool, says("whether this is the stored result of an id that was used before", alias="duplicate")
     ] = False
-    values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = field(
-        default_factory=dict
-    )
+    values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = _empty()
     correlation: Annotated[bytes | None, Field(exclude=True)] = None  # MQTT 5 correlation data, echoed
     ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
 
@@ -374,10 +374,8 @@ class AuditRecord(Record):
     args: Annotated[Mapping[str, Any], says("its arguments, as they were sent")]
     decision: Annotated[str, says("the final phase, or duplicate")]
     code: Annotated[str, says("why, for programs: see the result codes")]
-    before: Annotated[Mapping[str, Any], says("points before the write, by name")] = field(
-        default_factory=dict
-    )
-    after: Annotated[Mapping[str, Any], says("points after it, by name")] = field(default_factory=dict)
+    before: Annotated[Mapping[str, Any], says("points before the write, by name")] = _empty()
+    after: Annotated[Mapping[str, Any], says("points after it, by name")] = _empty()
     id: Annotated[str | None, says("of the command")] = None
     source: Annotated[str, _maybe("which way it came, where not by MQTT: web, sparkplug, gateway")] = ""
     operator: Annotated[str | None, says("who decided, a claim")]
@@ -459,19 +457,17 @@ class StartRecord(_StoredRecord):
     i2t_error_pct: Annotated[Measured | None, _maybe("its uncertainty, plus or minus, %")] = None
     lowest_v: Annotated[Measured | None, _maybe("lowest line voltage, V")] = None
     heating_pct: Annotated[Measured | None, _maybe("rise of the thermal level, %")] = None
-    own: Annotated[Mapping[str, Row], _if_any("stored by the starter of this start, by code")] = field(
-        default_factory=dict
-    )
+    own: Annotated[Mapping[str, Row], _if_any("stored by the starter of this start, by code")] = _empty()
     outliers: Annotated[int, _if_any("impossible readings of the current, left out")] = 0
     is_baseline: Annotated[bool, says("whether later starts are compared with it")] = False
     drift: Annotated[
         Mapping[str, QuantityChange], _if_any("the last starts and the baseline, by quantity")
-    ] = field(default_factory=dict)
+    ] = _empty()
     samples: Annotated[
         Mapping[str, tuple[float | None, ...]],
         _described_by(StartSamples),
         says("columns of the same length; null where a reply did not hold it"),
-    ] = field(default_factory=dict)
+    ] = _empty()
 
 
 @dataclass(frozen=True, slots=True)
@@ -575,10 +571,7 @@ class GatewayRecord(Record):
     boot: Boot
     mqtt_version: Annotated[
         str | None,
-        Field(
-            description="of the connection; null before the first",
-            json_schema_extra={"enum": ["5", "3.1.1", None]},
-        ),
+        says("of the connection; null before the first", json_schema_extra={"enum": ["5", "3.1.1", None]}),
     ] = None
     starters: Annotated[tuple[str, ...], says("names")]
     lines: Annotated[tuple[str, ...], says("names")]
@@ -586,15 +579,13 @@ class GatewayRecord(Record):
     notice: Annotated[Literal["not a safety function"], says("this text, a warning")] = (
         "not a safety function"
     )
-    groups: Annotated[Mapping[str, tuple[str, ...]], _if_any("members of each group, by its name")] = field(
-        default_factory=dict
-    )
+    groups: Annotated[Mapping[str, tuple[str, ...]], _if_any("members of each group, by its name")] = _empty()
     line_titles: Annotated[
         Mapping[str, str], _if_any("names for people, of the lines that have one, by name")
-    ] = field(default_factory=dict)
+    ] = _empty()
     group_titles: Annotated[
         Mapping[str, str], _if_any("names for people, of the groups that have one, by name")
-    ] = field(default_factory=dict)
+    ] = _empty()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
