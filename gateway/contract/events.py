@@ -39,7 +39,7 @@ EventCode = enum.StrEnum(  # the value of each is its name in lower case; in the
 
 
 class EventMeaning(Meaning):
-    """What a code means: for people, and in its fields."""
+    """The meaning of a code: for people, and in its fields."""
 
     severities: tuple[Severity, ...]
     data: Mapping[str, str] = {}  # meaning by key, in the order of the JSON

@@ -28,7 +28,7 @@ _OF_ANY = ("id", "operator", "reason", "args")  # what is understood of a payloa
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What a command carries to show when it was decided upon; `issued_s` is UTC, seconds since 1970."""
+    """The part of a command that shows when it was decided upon; `issued_s` is UTC, seconds since 1970."""
 
     token: str | None = None
     issued_s: float | None = None

@@ -54,7 +54,7 @@ def meaning_of(code: str) -> Meaning:
 
 @dataclass(frozen=True, slots=True, init=False)
 class Note:
-    """What a result says besides its reason."""
+    """A remark of a result besides its reason."""
 
     text: str
 

@@ -2,7 +2,7 @@
 
 Databases are copied while a gateway may be writing them, each as it was at one moment. Only regular files
 whose names stand in the manifest are ever read from a backup, and none is unpacked by the name that a tar
-gives it: the caller says where each goes. What does not fit to its SHA-256 is refused.
+gives it: the caller says where each goes. A file that does not fit its SHA-256 is refused.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ PACKING = 1  # gzip's fastest: an upgrade makes a backup while the starters wait
 
 
 class Manifest(BaseModel):
-    """What a backup says of itself."""
+    """The description of a backup, which begins with it."""
 
     model_config = ConfigDict(strict=True)
 

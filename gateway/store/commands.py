@@ -4,8 +4,8 @@
    No phase before the final one is published of what is not on the disk; a final one is after 2 s. A
    final one is noted once `accepted` is published, or cannot be: the outbox sends in the order of its rows.
 2. A result, its command's row and what is to be published of it are stored in one transaction.
-3. What is published without the disk, and what the disk has missed, waits in memory, a bounded number of
-   commands, and is written behind. The phase `written` is not: its row has said before that it may be.
+3. A result that was published without the disk, or that the disk has missed, waits in memory with a bounded
+   number of others, and is written behind. The phase `written` is not: its row has said before that it may be.
 4. Until the table has been read it counts as away. A copy of a command that was lost with it is not fresh:
    no proof outlives its connection.
 
@@ -56,7 +56,7 @@ _ROWS = "SELECT * FROM commands ORDER BY rowid"
 
 
 class Remembered(NamedTuple):
-    """What is known of a command of an earlier run."""
+    """A command of an earlier run."""
 
     result: ResultRecord  # its latest; not final when the run ended before the command did
     may_be_written: bool  # something may have reached the starter

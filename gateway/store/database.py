@@ -46,7 +46,7 @@ class FullError(StoreError):
 
 
 class Schema(NamedTuple):
-    """What is in a file. The version of a file is the number of steps that it has been taken through."""
+    """The tables of a file. Its version is the number of steps that it has been taken through."""
 
     name: str  # of its thread and in logs
     steps: tuple[Work, ...]  # each makes one version of the one before
@@ -91,7 +91,7 @@ class Database:
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
         """Do the work in one transaction, and return its answers when it is on the disk.
 
-        What is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until the
+        Work that is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until the
         next transaction that is. A file that proves damaged is put aside.
         """
         connection = self._opened()

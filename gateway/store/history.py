@@ -47,7 +47,7 @@ _WINDOW_BITS = 13  # 8 KiB instead of 32: less memory, hardly more on the disk
 
 
 class HistoryRow(NamedTuple):
-    """What is stored of a starter under a kind and an id, in place of what was there."""
+    """The data of a starter under a kind and an id, in place of any that were there."""
 
     starter: str
     kind: str

@@ -1,4 +1,4 @@
-"""What 0.2.0 has left in `state_dir`, imported once. To be removed in 0.4, with `state-of-0.2.0.tar.gz`.
+"""The state that 0.2.0 has left in `state_dir`, imported once. To be removed in 0.4, with `state-of-0.2.0.tar.gz`.
 
 0.2.0 had SQLite files of commands, messages and history, a JSON file for each document, and the audit in text
 files. They are read and never changed, so that the way back starts on them. Each of our files appears whole
@@ -12,7 +12,7 @@ was killed is not published; who repeats the command gets it.
 As long as the import fails, as on a full disk, our files are not opened: they count as away, starts are
 refused, and the import is tried again.
 
-Who went back to 0.2.0 and comes forward again has the newer state in these files: our own are then put aside.
+After a way back to 0.2.0 and forward again the newer state is in these files: our own are then put aside.
 """
 
 from __future__ import annotations
