@@ -5,7 +5,8 @@
    final one is noted once `accepted` is published, or cannot be: the outbox sends in the order of its rows.
 2. A result, its command's row and what is to be published of it are stored in one transaction.
 3. A result that was published without the disk, or that the disk has missed, waits in memory with a bounded
-   number of others, and is written behind. The phase `written` is not: its row has said before that it may be.
+   number of others, and is written behind. The phase `written` is not: its row has said before that it may
+   be.
 4. Until the table has been read it counts as away. A copy of a command that was lost with it is not fresh:
    no proof outlives its connection.
 

@@ -91,8 +91,8 @@ class Database:
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
         """Do the work in one transaction, and return its answers when it is on the disk.
 
-        Work that is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until the
-        next transaction that is. A file that proves damaged is put aside.
+        Work that is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until
+        the next transaction that is. A file that proves damaged is put aside.
         """
         connection = self._opened()
         try:

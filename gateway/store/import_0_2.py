@@ -1,4 +1,4 @@
-"""The state that 0.2.0 has left in `state_dir`, imported once. To be removed in 0.4, with `state-of-0.2.0.tar.gz`.
+"""The state that 0.2.0 has left in `state_dir`, imported once. To be removed in 0.4, with its test's archive.
 
 0.2.0 had SQLite files of commands, messages and history, a JSON file for each document, and the audit in text
 files. They are read and never changed, so that the way back starts on them. Each of our files appears whole
