@@ -113,12 +113,11 @@ def is_state_name(name: str) -> bool:
     return name in SCHEMAS or is_file_of_0_2(name)
 
 
-def upgrade(state_dir: Path) -> list[str]:
-    """Take all files to the present version; return what was left out because it is damaged. StoreError."""
-    problems = import_files(state_dir)
+def upgrade(state_dir: Path) -> None:
+    """Take all files to the present version. StoreError."""
+    import_files(state_dir)
     for name in found_versions(state_dir):
         write_file(state_dir / name, SCHEMAS[name], lambda _: None)
-    return problems
 
 
 def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> None:
