@@ -270,7 +270,7 @@ class Store:
             freeing = [piece for piece in batch if piece.is_freeing]
             if not freeing:
                 raise
-            self._pause(error)
+            self._fail((), error)
             return self._file.relieve(self._in_time(freeing, begun))
 
     def _open(self) -> None:
@@ -316,21 +316,16 @@ class Store:
         return is_waiting
 
     def _fail(self, pieces: Iterable[Piece], error: StoreError) -> None:
-        """Note that nothing can be stored now: those that are not lasting have failed."""
-        self._pause(error)
+        """Begin a pause before the next attempt; pieces that are not lasting have failed."""
+        if time.monotonic() >= self._retry_s:  # else it is the pause that makes this error
+            is_news = not self.is_away
+            self._retry_s = time.monotonic() + RETRY_S
+            self._error = error
+            if is_news:
+                self._on_news(News.AWAY, str(error))
         for piece in pieces:
             if not piece.is_lasting:
                 self._end(piece, error=error)
-
-    def _pause(self, error: StoreError) -> None:
-        """Begin a pause before the next attempt, unless this error is one that the pause makes."""
-        if time.monotonic() < self._retry_s:
-            return
-        is_news = not self.is_away
-        self._retry_s = time.monotonic() + RETRY_S
-        self._error = error
-        if is_news:
-            self._on_news(News.AWAY, str(error))
 
 
 def _may_go(piece: Piece, newest: Key) -> bool:
