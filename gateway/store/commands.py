@@ -16,9 +16,9 @@
 from __future__ import annotations
 
 import asyncio
+import json
 from collections.abc import Callable, Sequence
 from concurrent.futures import Future
-from dataclasses import replace
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -30,7 +30,6 @@ from gateway.contract import (
     PublishEvent,
     ResultCode,
     ResultRecord,
-    read_record,
 )
 from gateway.errors import DamagedError, StoreError
 from gateway.store.database import Connection, Work
@@ -45,7 +44,7 @@ PUBLISH_WITHIN_S = 2.0  # after this time a result is published without the disk
 UNNAMED = "\t"
 
 Key = tuple[str, str]  # client and id
-_Row = tuple[str, str, str, bool, str]  # the table's columns; the last is the payload
+_Row = tuple[str, str, str, bool, str]  # the table's columns
 
 _PUT = """
     INSERT INTO commands VALUES (?, ?, ?, ?, ?)
@@ -53,7 +52,8 @@ _PUT = """
     may_be_written = max(may_be_written, excluded.may_be_written)
 """
 _FORGET = "DELETE FROM commands WHERE client = ? AND id = ?"
-_ROWS = "SELECT * FROM commands ORDER BY rowid"
+_ROWS = "SELECT client, id, may_be_written, result FROM commands ORDER BY rowid"
+_STORED = ("starter", "verb", "phase", "code", "text", "time_s", "values")  # of a result
 
 
 class Remembered(NamedTuple):
@@ -192,14 +192,16 @@ def _key(result: ResultRecord) -> Key | None:
 
 
 def _row(key: Key, result: ResultRecord, *, is_intent: bool = False) -> _Row:
-    return (*key, result.starter, is_intent or result.verb == STOP, result.payload().decode())
+    said = json.dumps({name: getattr(result, name) for name in _STORED}, default=str)
+    return (*key, result.starter, is_intent or result.verb == STOP, said)
 
 
-def remembered(client: str, id_: str, starter: str, may_be_written: int, body: str) -> Remembered:
+def remembered(client: str, id_: str, may_be_written: int, body: str) -> Remembered:
     """Return a command as it was stored; DamagedError."""
     try:
-        result = read_record(ResultRecord, body.encode(), starter=starter, client=client)
-        id_or_none = None if id_.startswith(UNNAMED) else id_
-    except (AttributeError, ValueError) as error:
+        said = json.loads(body)
+        said["phase"] = Phase(said["phase"])
+        result = ResultRecord(client=client, id=None if id_.startswith(UNNAMED) else id_, **said)
+    except (AttributeError, KeyError, TypeError, ValueError) as error:
         raise DamagedError("what was stored of a command is not readable") from error
-    return Remembered(replace(result, id=id_or_none, is_duplicate=False), bool(may_be_written))
+    return Remembered(result, may_be_written=bool(may_be_written))

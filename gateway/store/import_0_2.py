@@ -30,7 +30,6 @@ from itertools import accumulate, count
 from pathlib import Path
 from typing import Any
 
-from gateway.contract import rfc3339
 from gateway.errors import StoreError
 from gateway.store import audit
 from gateway.store.chain import Head, canonical, read_line
@@ -68,9 +67,9 @@ NAMES = (*DATABASES, *(f"{name}-wal" for name in DATABASES), *DOCUMENTS, ANCHOR,
 SQLITE_0_2 = Schema("0.2.0", steps=(lambda _: None,))
 
 _RUN = "SELECT value FROM meta WHERE key = 'opened_s'"  # names the last run of 0.2.0
-_SAID = ("id", "verb", "phase", "code", "text")  # of a command
+_SAID = ("verb", "phase", "code", "text", "time_s")  # of a command
 _COMMANDS = (
-    f"SELECT client, starter, may_be_written, extra, time_s, {', '.join(_SAID)} FROM ledger ORDER BY rowid"
+    f"SELECT client, id, starter, may_be_written, extra, {', '.join(_SAID)} FROM ledger ORDER BY rowid"
 )
 _MESSAGES = "SELECT kind, number, topic, payload, time_s, boot, key, correlation, checksum FROM spool"
 _LOSSES = "SELECT reason, kind, count, coalesce(first_s, 0.0), coalesce(last_s, 0.0) FROM loss"
@@ -192,11 +191,10 @@ def _copy(connection: Connection, *, schema: Schema, state_dir: Path) -> None:
 def _copy_commands(state_dir: Path, connection: Connection) -> None:
     """Copy the commands, all or none."""
     path, commands = state_dir / COMMANDS, []
-    for client, starter, may_be_written, extra, time_s, *said in _read(path, _COMMANDS):
-        own = {**dict(zip(_SAID, said, strict=True)), "time": rfc3339(time_s)}
-        payload = json.dumps({**json.loads(extra), **own})
-        commands.append((client, own["id"], starter, may_be_written, payload))
-        remembered(*commands[-1])
+    for client, id_, starter, may_be_written, extra, *said in _read(path, _COMMANDS):
+        result = dict(zip(_SAID, said, strict=True), starter=starter, values=json.loads(extra))
+        commands.append((client, id_, starter, may_be_written, json.dumps(result)))
+        remembered(client, id_, may_be_written, json.dumps(result))
     connection.executemany("INSERT INTO commands VALUES (?, ?, ?, ?, ?)", commands)
 
 
