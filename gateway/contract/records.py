@@ -282,12 +282,7 @@ class InfoRecord(Record):
     line: Annotated[str, says("the line that it is on")]
     address: Annotated[int, says("its Modbus address, 1 to 247")]
     points: Annotated[
-        Mapping[str, Mapping[str, Any]],
-        PlainSerializer(
-            lambda points: {to_level(name): point for name, point in points.items()},
-            return_type=Mapping[str, PointInfo],
-        ),
-        says("by name"),
+        Mapping[str, Mapping[str, Any]], _described_by(Mapping[str, PointInfo]), says("by name")
     ]
     commands: Annotated[tuple[str, ...], says("the verbs that it has")]
     title: Annotated[str | None, _maybe("its name for people, where the configuration gives one")] = None
@@ -635,7 +630,7 @@ class HistoryRecord(Record):
 def history_item(record: ValueRecord) -> bytes:
     """Return what the history says of a value, as JSON."""
     item = HistoryItem(
-        point=to_level(record.point),
+        point=record.point,
         value=record.value,
         quality=record.quality,
         time_s=record.time_s,
