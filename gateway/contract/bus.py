@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cache, partial
 from itertools import count, takewhile
 from typing import Any, Protocol
 
@@ -55,10 +55,7 @@ class RecordWriter:
             seq=next(self.sequence),
             time_s=self.clock.utc_s() if time_s is None else time_s,
             boot=self.boot,
-            code=event.code,
-            severity=event.severity,
-            text=event.text,
-            data=event.data,
+            **event._asdict(),
         )
 
 
@@ -75,20 +72,23 @@ class RecordBus:
 
     def __init__(self, on_failure: Callable[[Sink], None]) -> None:
         self._on_failure = on_failure
-        self._subscribers: tuple[Sink, ...] = ()
-        self._takers: dict[type[Record], tuple[Sink, ...]] = {}
+        self._takers_of: Callable[[Any], tuple[Sink, ...]] | None = None  # by kind, once connected
         self._early: list[Record] = []  # put while the gateway was being built
 
     def connect(self, *subscribers: Sink) -> None:
         """Pass records on to these, in this order, from the first on; once."""
-        self._subscribers = subscribers
+
+        def takers_of(kind: type[Record]) -> tuple[Sink, ...]:
+            return tuple(each for each in subscribers if kind in getattr(each, "takes", (kind,)))
+
+        self._takers_of = cache(takers_of)
         early, self._early = self._early, []
         for record in early:
             self.put(record)
 
     def put(self, record: Record) -> None:
         """Pass one record on."""
-        if not self._subscribers:
+        if self._takers_of is None:
             self._early.append(record)
             return
         for subscriber in self._takers_of(type(record)):
@@ -96,13 +96,6 @@ class RecordBus:
                 subscriber.put(record)
             except Exception:  # noqa: BLE001 - one subscriber's bug is not the others'; it is logged
                 self._on_failure(subscriber)
-
-    def _takers_of(self, kind: type[Record]) -> tuple[Sink, ...]:
-        takers = self._takers.get(kind)
-        if takers is None:
-            takers = tuple(each for each in self._subscribers if kind in getattr(each, "takes", (kind,)))
-            self._takers[kind] = takers
-        return takers
 
 
 class Latest:

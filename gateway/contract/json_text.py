@@ -11,10 +11,12 @@ from __future__ import annotations
 import json
 import math
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import cache
 from typing import Any, NoReturn
 
-from pydantic_core import PydanticSerializationError, to_json, to_jsonable_python
+from pydantic import TypeAdapter
+from pydantic_core import PydanticSerializationError
 
 MAX_DEPTH = 8
 MAX_INT_DIGITS = 19  # enough for 64 bits
@@ -24,22 +26,21 @@ _STRINGS = re.compile(rb'("(?:[^"\\]|\\.)*")')
 _SURROGATE = re.compile("[\ud800-\udfff]")
 _TOO_DEEP = f"nested deeper than {MAX_DEPTH}"
 
+adapter_of: Callable[[Any], TypeAdapter[Any]] = cache(TypeAdapter)
 
-def encoded(value: Any) -> bytes:
-    """Return a value as compact JSON."""
+
+def encoded(value: Any, kind: Any = Any) -> bytes:
+    """Return a value as compact JSON, in the form that its type describes."""
+    serializer = adapter_of(kind).serializer
     try:
-        return with_decimals(to_json(value, inf_nan_mode="null", fallback=_fallback))
+        payload = serializer.to_json(value, by_alias=True, fallback=_fallback)
     except PydanticSerializationError:  # a lone surrogate, from the name of a file for instance
-        plain = to_jsonable_python(value, inf_nan_mode="null", fallback=_fallback)
+        plain = serializer.to_python(value, mode="json", by_alias=True, fallback=_fallback)
         text = json.dumps(plain, ensure_ascii=False, separators=(",", ":"))
-        return with_decimals(text.encode("utf-8", "replace"))
-
-
-def with_decimals(payload: bytes) -> bytes:
-    """Give numbers such as `1e-7` a decimal part; texts stay as they are."""
+        payload = text.encode("utf-8", "replace")
     if b"e+" not in payload and b"e-" not in payload:
         return payload
-    pieces = _STRINGS.split(payload)
+    pieces = _STRINGS.split(payload)  # texts stay as they are
     return b"".join(each if each[:1] == b'"' else _WHOLE_MANTISSA.sub(rb"\1\2.0e", each) for each in pieces)
 
 

@@ -19,11 +19,10 @@ from functools import cache
 from operator import not_
 from typing import Annotated, Any, ClassVar, Literal, TypeVar
 
-from pydantic import BeforeValidator, Field, PlainSerializer, TypeAdapter
-from pydantic_core import PydanticSerializationError
+from pydantic import BeforeValidator, Field, PlainSerializer
 
 from gateway.contract.events import EventCode
-from gateway.contract.json_text import encoded, read_object, with_decimals
+from gateway.contract.json_text import adapter_of, encoded, read_object
 from gateway.contract.results import meaning_of
 from gateway.contract.statistics import LineStatistics
 from gateway.contract.topics import to_level
@@ -46,23 +45,18 @@ T = TypeVar("T")
 InTopic = Annotated[str, Field(exclude=True)]
 
 
-def _seconds(time: object) -> float | None:
+def _seconds(time: object) -> float:
     if time is None:
-        return None
+        return math.nan
     if not isinstance(time, str):
         raise ValueError("must be a text")  # noqa: TRY004 - as pydantic reports it
     return datetime.fromisoformat(time).timestamp()
 
 
-def _known_seconds(time: object) -> float:
-    seconds = _seconds(time)
-    return math.nan if seconds is None else seconds
-
-
 _Text = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")]
 _AS_TEXT = PlainSerializer(rfc3339, return_type=_Text | None)  # null: beyond the calendar
-Time = Annotated[float, BeforeValidator(_known_seconds), _AS_TEXT]
-PossibleTime = Annotated[float | None, BeforeValidator(_seconds), _AS_TEXT]
+Time = Annotated[float, BeforeValidator(_seconds), _AS_TEXT]
+PossibleTime = Time | None
 Seq = Annotated[int, says("counts up by one over everything that this run publishes")]
 Boot = Annotated[
     str, says("names this run of the gateway: topic, boot and seq name a message once and for all")
@@ -106,15 +100,20 @@ def _rounded(digits: int) -> PlainSerializer:
     return PlainSerializer(lambda number: round(number, digits), return_type=float)
 
 
+def _empty() -> Any:
+    return field(default_factory=dict)
+
+
 Measured = Annotated[float, _rounded(4)]
 
 
-def _made_keys(kind: type) -> frozenset[str]:
-    return frozenset(_adapter_of(kind).json_schema(mode="serialization")["properties"])
+def _made_keys(kind: type[Record]) -> frozenset[str]:
+    """Return the keys of its JSON, but of what stands beside the other fields."""
+    keys = adapter_of(kind).json_schema(mode="serialization")["properties"]
+    return frozenset(keys) - {kind.BESIDE}
 
 
-_adapter_of: Callable[[type], TypeAdapter[Any]] = cache(TypeAdapter)
-_keys_of: Callable[[type], frozenset[str]] = cache(_made_keys)  # of its JSON
+_own_keys_of: Callable[[Any], frozenset[str]] = cache(_made_keys)
 
 
 @cache  # as many as there are points
@@ -153,16 +152,12 @@ class Record:
 
     def payload(self) -> bytes:
         """Return the record as JSON."""
-        serializer = _adapter_of(type(self)).serializer
-        try:
-            payload = with_decimals(serializer.to_json(self, by_alias=True))
-        except PydanticSerializationError:  # a lone surrogate, or a type that JSON has no form for
-            payload = encoded(self.fields())
-        if self.BESIDE:
-            own = _keys_of(type(self)) - {self.BESIDE}  # which cannot be overwritten
-            added = {key: value for key, value in getattr(self, self.BESIDE).items() if key not in own}
-            return payload[:-1] + b"," + encoded(added)[1:] if added else payload
-        return payload
+        payload = encoded(self, type(self))
+        if not self.BESIDE:
+            return payload
+        own = _own_keys_of(type(self))  # which cannot be overwritten
+        added = encoded({key: value for key, value in getattr(self, self.BESIDE).items() if key not in own})
+        return b"{%b}" % b",".join(filter(None, (payload[1:-1], added[1:-1])))
 
 
 def read_record(kind: type[R], payload: bytes, **names: str) -> R:
@@ -171,20 +166,20 @@ def read_record(kind: type[R], payload: bytes, **names: str) -> R:
     A field of a later version is ignored; one that a later version adds here has a default.
     """
     found = read_object(payload)
-    own = {key: found.pop(key) for key in (_keys_of(kind) - {kind.BESIDE}) & found.keys()}
+    own = {key: found.pop(key) for key in _own_keys_of(kind) & found.keys()}
     beside = {kind.BESIDE: found} if kind.BESIDE else {}
     return read_stored(kind, {**own, **beside}, **names)
 
 
 def read_stored(kind: type[T], data: Mapping[str, Any], **names: str) -> T:
     """Return an object from its JSON, with the names that stand in its topic; ValueError when it is none."""
-    found: T = _adapter_of(kind).validate_python({**data, **names})
+    found: T = adapter_of(kind).validate_python({**data, **names})
     return found
 
 
 def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
     """Return an object as `read_stored` reads it, but some of its fields."""
-    serializer = _adapter_of(type(thing)).serializer
+    serializer = adapter_of(type(thing)).serializer
     fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
     return fields
 
@@ -238,7 +233,7 @@ class StateRecord(Record):
     lock: Annotated[LockRecord | None, says("the maintenance lock; null: not locked", alias="locked")] = None
     flags: Annotated[
         Mapping[str, bool | None], _beside("each boolean point by its name: true, false, or null: not known")
-    ] = field(default_factory=dict)
+    ] = _empty()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -287,12 +282,7 @@ class InfoRecord(Record):
     line: Annotated[str, says("the line that it is on")]
     address: Annotated[int, says("its Modbus address, 1 to 247")]
     points: Annotated[
-        Mapping[str, Mapping[str, Any]],
-        PlainSerializer(
-            lambda points: {to_level(name): point for name, point in points.items()},
-            return_type=Mapping[str, PointInfo],
-        ),
-        says("by name"),
+        Mapping[str, Mapping[str, Any]], _described_by(Mapping[str, PointInfo]), says("by name")
     ]
     commands: Annotated[tuple[str, ...], says("the verbs that it has")]
     title: Annotated[str | None, _maybe("its name for people, where the configuration gives one")] = None
@@ -312,9 +302,7 @@ class EventRecord(Record):
     code: Annotated[EventCode, says("what happened, for programs: see the events")]
     severity: Annotated[Severity, says("error: a person must act")]
     text: Annotated[str, says("what happened, for people")]
-    data: Annotated[Mapping[str, Any], says("depends on the code: see the events")] = field(
-        default_factory=dict
-    )
+    data: Annotated[Mapping[str, Any], says("depends on the code: see the events")] = _empty()
 
     @property
     def topic(self) -> str:
@@ -340,9 +328,7 @@ class ResultRecord(Record):
     is_duplicate: Annotated[
         bool, says("whether this is the stored result of an id that was used before", alias="duplicate")
     ] = False
-    values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = field(
-        default_factory=dict
-    )
+    values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = _empty()
     correlation: Annotated[bytes | None, Field(exclude=True)] = None  # MQTT 5 correlation data, echoed
     ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
 
@@ -383,10 +369,8 @@ class AuditRecord(Record):
     args: Annotated[Mapping[str, Any], says("its arguments, as they were sent")]
     decision: Annotated[str, says("the final phase, or duplicate")]
     code: Annotated[str, says("why, for programs: see the result codes")]
-    before: Annotated[Mapping[str, Any], says("points before the write, by name")] = field(
-        default_factory=dict
-    )
-    after: Annotated[Mapping[str, Any], says("points after it, by name")] = field(default_factory=dict)
+    before: Annotated[Mapping[str, Any], says("points before the write, by name")] = _empty()
+    after: Annotated[Mapping[str, Any], says("points after it, by name")] = _empty()
     id: Annotated[str | None, says("of the command")] = None
     source: Annotated[str, _maybe("which way it came, where not by MQTT: web, sparkplug, gateway")] = ""
     operator: Annotated[str | None, says("who decided, a claim")]
@@ -468,19 +452,17 @@ class StartRecord(_StoredRecord):
     i2t_error_pct: Annotated[Measured | None, _maybe("its uncertainty, plus or minus, %")] = None
     lowest_v: Annotated[Measured | None, _maybe("lowest line voltage, V")] = None
     heating_pct: Annotated[Measured | None, _maybe("rise of the thermal level, %")] = None
-    own: Annotated[Mapping[str, Row], _if_any("stored by the starter of this start, by code")] = field(
-        default_factory=dict
-    )
+    own: Annotated[Mapping[str, Row], _if_any("stored by the starter of this start, by code")] = _empty()
     outliers: Annotated[int, _if_any("impossible readings of the current, left out")] = 0
     is_baseline: Annotated[bool, says("whether later starts are compared with it")] = False
     drift: Annotated[
         Mapping[str, QuantityChange], _if_any("the last starts and the baseline, by quantity")
-    ] = field(default_factory=dict)
+    ] = _empty()
     samples: Annotated[
         Mapping[str, tuple[float | None, ...]],
         _described_by(StartSamples),
         says("columns of the same length; null where a reply did not hold it"),
-    ] = field(default_factory=dict)
+    ] = _empty()
 
 
 @dataclass(frozen=True, slots=True)
@@ -524,10 +506,6 @@ class LineRecord(Record):
     BESIDE = "data"
     line: InTopic
     data: Annotated[Mapping[str, Any], _described_by(LineStatistics), _beside("all counters and times")]
-
-    def payload(self) -> bytes:
-        """Return the statistics as JSON."""
-        return encoded(self.data)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -588,10 +566,7 @@ class GatewayRecord(Record):
     boot: Boot
     mqtt_version: Annotated[
         str | None,
-        Field(
-            description="of the connection; null before the first",
-            json_schema_extra={"enum": ["5", "3.1.1", None]},
-        ),
+        says("of the connection; null before the first", json_schema_extra={"enum": ["5", "3.1.1", None]}),
     ] = None
     starters: Annotated[tuple[str, ...], says("names")]
     lines: Annotated[tuple[str, ...], says("names")]
@@ -599,15 +574,13 @@ class GatewayRecord(Record):
     notice: Annotated[Literal["not a safety function"], says("this text, a warning")] = (
         "not a safety function"
     )
-    groups: Annotated[Mapping[str, tuple[str, ...]], _if_any("members of each group, by its name")] = field(
-        default_factory=dict
-    )
+    groups: Annotated[Mapping[str, tuple[str, ...]], _if_any("members of each group, by its name")] = _empty()
     line_titles: Annotated[
         Mapping[str, str], _if_any("names for people, of the lines that have one, by name")
-    ] = field(default_factory=dict)
+    ] = _empty()
     group_titles: Annotated[
         Mapping[str, str], _if_any("names for people, of the groups that have one, by name")
-    ] = field(default_factory=dict)
+    ] = _empty()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -657,10 +630,10 @@ class HistoryRecord(Record):
 def history_item(record: ValueRecord) -> bytes:
     """Return what the history says of a value, as JSON."""
     item = HistoryItem(
-        point=to_level(record.point),
+        point=record.point,
         value=record.value,
         quality=record.quality,
         time_s=record.time_s,
         seq=record.seq,
     )
-    return with_decimals(_adapter_of(HistoryItem).serializer.to_json(item, by_alias=True))
+    return encoded(item, HistoryItem)

@@ -8,7 +8,15 @@ from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    ValidationError,
+    WithJsonSchema,
+)
 
 from gateway.contract.json_text import read_object
 from gateway.contract.results import CommandError, ResultCode
@@ -28,7 +36,7 @@ _OF_ANY = ("id", "operator", "reason", "args")  # what is understood of a payloa
 
 @dataclass(frozen=True, slots=True)
 class Proof:
-    """What a command carries to show when it was decided upon; `issued_s` is UTC, seconds since 1970."""
+    """The part of a command that shows when it was decided upon; `issued_s` is UTC, seconds since 1970."""
 
     token: str | None = None
     issued_s: float | None = None
@@ -71,15 +79,15 @@ def _printable(text: str) -> str:
     return text
 
 
-def _instant(text: str) -> str:
-    if _INSTANT.fullmatch(text) is None:
+def _instant(text: object) -> float:
+    """Return the seconds since 1970, UTC."""
+    if not isinstance(text, str) or _INSTANT.fullmatch(text) is None:
         raise ValueError("must be an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
-    datetime.fromisoformat(text.upper())
-    return text
+    return datetime.fromisoformat(text.upper()).timestamp()
 
 
 _Id = Annotated[str, Field(min_length=1, max_length=64), AfterValidator(_printable)]
-_Instant = Annotated[str, Field(max_length=40), AfterValidator(_instant)]
+_Instant = Annotated[float, BeforeValidator(_instant), WithJsonSchema({"type": "string"})]
 _Expected = bool | int | float | Annotated[str, Field(max_length=64)]
 _Reason = Annotated[str, Field(max_length=256), AfterValidator(_printable)]
 
@@ -107,10 +115,7 @@ class CommandBody(BaseModel):
     @property
     def proof(self) -> Proof:
         """Return what shows when it was decided upon."""
-        issued_s = (
-            None if self.issued_at is None else datetime.fromisoformat(self.issued_at.upper()).timestamp()
-        )
-        return Proof(token=self.token, issued_s=issued_s, boot=self.boot, ttl_s=self.ttl_s)
+        return Proof(token=self.token, issued_s=self.issued_at, boot=self.boot, ttl_s=self.ttl_s)
 
 
 def read_body(payload: bytes) -> tuple[CommandBody, CommandError | None]:

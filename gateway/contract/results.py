@@ -2,7 +2,7 @@
 
 Product code says which code, which case of it and with which fields; the words are in texts/results.toml. A
 code or case that the table does not have, a field that its text does not name, or a field too few, is an
-error: `tests/contract/test_results.py` finds each of them without running the code.
+error: `tests/contract/test_uses.py` finds each of them without running the code.
 """
 
 from __future__ import annotations
@@ -12,7 +12,7 @@ from collections.abc import Mapping
 from copy import copy
 from dataclasses import dataclass
 
-from gateway.contract.wording import Meaning, names_in, table
+from gateway.contract.wording import Meaning, table
 from gateway.errors import GatewayError
 
 ResultCode = enum.StrEnum(  # the value of each is its name in lower case; in the groups of the table
@@ -52,21 +52,14 @@ def meaning_of(code: str) -> Meaning:
     return RESULTS.get(code) or RESULTS[ResultCode.EXCEPTION]
 
 
-def _filled(template: str | None, where: str, fields: Mapping[str, object]) -> str:
-    if template is None or names_in(template) != fields.keys():
-        raise ValueError(f"results.toml has no text {where} of {', '.join(fields) or 'no fields'}")
-    return template.format_map(fields)
-
-
 @dataclass(frozen=True, slots=True, init=False)
 class Note:
-    """What a result says besides its reason."""
+    """A remark of a result besides its reason."""
 
     text: str
 
     def __init__(self, case: str, /, **fields: object) -> None:
-        text = _filled(NOTES.get(case), f"notes.{case}", fields)
-        object.__setattr__(self, "text", text)
+        object.__setattr__(self, "text", NOTES[case].format_map(fields))
 
 
 @dataclass(frozen=True, slots=True, init=False)
@@ -77,10 +70,9 @@ class Reason:
     text: str
 
     def __init__(self, code: ResultCode, case: str = "", /, **fields: object) -> None:
-        text = _filled(RESULTS[code].texts.get(case), f"{code}.{case}", fields)
         word = f"{code}_{fields['number']}" if code is ResultCode.EXCEPTION else code.value
         object.__setattr__(self, "code", word)
-        object.__setattr__(self, "text", text)
+        object.__setattr__(self, "text", RESULTS[code].texts[case].format_map(fields))
 
     def noted(self, *more: Note | Reason | None) -> Reason:
         """Return the same reason with more to say."""

@@ -18,7 +18,7 @@ LINE = "line"
 
 
 class CommandAddress(NamedTuple):
-    """What the topic of a command says; the broker's ACL vouches for `client`.
+    """The content of a command's topic; the broker's ACL vouches for `client`.
 
     Where the topic names no command, unknown levels are empty and `verb` is what it has there, cut short.
     """

@@ -13,7 +13,7 @@ from pydantic import BaseModel, ConfigDict, field_validator
 
 
 class Meaning(BaseModel):
-    """What one code means, for people, and what may be said with it."""
+    """The meaning of one code for people, and the texts that may be said with it."""
 
     model_config = ConfigDict(frozen=True, extra="forbid")
 

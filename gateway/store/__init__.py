@@ -1,7 +1,7 @@
-"""What outlives a run: two SQLite files, each with one thread that writes it.
+"""The state that outlives a run: two SQLite files, each with one thread that writes it.
 
-`schema` says what is in them, `worker` writes what waits (`waiting`), `database` alone knows SQLite. From
-outside everything is imported from here.
+`schema` has their tables, `worker` the thread and the work that waits for it, `database` alone knows SQLite.
+From outside everything is imported from here.
 """
 
 from gateway.store import backup

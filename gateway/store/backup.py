@@ -2,7 +2,7 @@
 
 Databases are copied while a gateway may be writing them, each as it was at one moment. Only regular files
 whose names stand in the manifest are ever read from a backup, and none is unpacked by the name that a tar
-gives it: the caller says where each goes. What does not fit to its SHA-256 is refused.
+gives it: the caller says where each goes. A file that does not fit its SHA-256 is refused.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ PACKING = 1  # gzip's fastest: an upgrade makes a backup while the starters wait
 
 
 class Manifest(BaseModel):
-    """What a backup says of itself."""
+    """The description of a backup, which begins with it."""
 
     model_config = ConfigDict(strict=True)
 
@@ -80,8 +80,7 @@ class Archive(NamedTuple):
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         with open(path, "wb", opener=_fresh) as file:
             shutil.copyfileobj(_opened(self.tar, self.tar.getmember(name)), file)
-            file.flush()
-            os.fsync(file.fileno())
+        sync_file(path)
 
     def rights(self, name: str) -> tuple[int, str, str]:
         """Return the mode, the user and the group that a file had."""
@@ -114,12 +113,11 @@ def is_state_name(name: str) -> bool:
     return name in SCHEMAS or is_file_of_0_2(name)
 
 
-def upgrade(state_dir: Path) -> list[str]:
-    """Take all files to the present version; return what was left out because it is damaged. StoreError."""
-    problems = import_files(state_dir)
+def upgrade(state_dir: Path) -> None:
+    """Take all files to the present version. StoreError."""
+    import_files(state_dir)
     for name in found_versions(state_dir):
         write_file(state_dir / name, SCHEMAS[name], lambda _: None)
-    return problems
 
 
 def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> None:

@@ -26,7 +26,7 @@ class Head(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Verification:
-    """What a check of a chain found; it is whole when there are no problems."""
+    """The findings of a check of a chain; it is whole when there are no problems."""
 
     count: int
     head: Head

@@ -4,8 +4,9 @@
    No phase before the final one is published of what is not on the disk; a final one is after 2 s. A
    final one is noted once `accepted` is published, or cannot be: the outbox sends in the order of its rows.
 2. A result, its command's row and what is to be published of it are stored in one transaction.
-3. What is published without the disk, and what the disk has missed, waits in memory, a bounded number of
-   commands, and is written behind. The phase `written` is not: its row has said before that it may be.
+3. A result that was published without the disk, or that the disk has missed, waits in memory with a bounded
+   number of others, and is written behind. The phase `written` is not: its row has said before that it may
+   be.
 4. Until the table has been read it counts as away. A copy of a command that was lost with it is not fresh:
    no proof outlives its connection.
 
@@ -56,7 +57,7 @@ _STORED = ("starter", "verb", "phase", "code", "text", "time_s", "values")  # of
 
 
 class Remembered(NamedTuple):
-    """What is known of a command of an earlier run."""
+    """A command of an earlier run."""
 
     result: ResultRecord  # its latest; not final when the run ended before the command did
     may_be_written: bool  # something may have reached the starter
@@ -160,16 +161,13 @@ class Journal:
 
     def recall(self, on_recalled: Callable[[Sequence[Remembered]], None]) -> None:
         """Have the commands of earlier runs read, once, before any of this run is written."""
-        done = self._store.submit(_read, key=("recall",), is_urgent=True)
-        done.add_done_callback(on_this_loop(partial(self._recall, on_recalled)))
 
-    def _recall(
-        self, on_recalled: Callable[[Sequence[Remembered]], None], future: Future[list[Remembered]]
-    ) -> None:
-        if future.exception() is not None:  # a bug: without the ledger no start is taken
-            return
-        self._is_recalled = True
-        on_recalled(future.result())
+        def take(done: Future[list[Remembered]]) -> None:
+            if done.exception() is None:  # else a bug: without the ledger no start is taken
+                self._is_recalled = True
+                on_recalled(done.result())
+
+        self._store.submit(_read, key=("recall",), is_urgent=True).add_done_callback(on_this_loop(take))
 
 
 def _read(connection: Connection) -> list[Remembered]:

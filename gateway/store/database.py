@@ -11,6 +11,7 @@ import os
 import sqlite3
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import closing, contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
 
@@ -36,6 +37,7 @@ _OWN_SQL = (None, sqlite3.SQLITE_ERROR, sqlite3.SQLITE_CONSTRAINT)  # the mistak
 _UNFIT = (sqlite3.SQLITE_ERROR, sqlite3.SQLITE_READONLY)  # other tables; a header that forbids to write
 _COMPANIONS = ("", "-wal", "-shm", "-journal")  # what SQLite keeps beside a file (sqlite.org/tempfiles.html)
 _ASIDE = ".aside"  # ends the name of the file that was set aside last: more would fill the disk
+_TEXT = partial(str, encoding="utf-8", errors="replace")  # of a file that may be damaged
 _SHAPE = "SELECT sql FROM sqlite_master WHERE name NOT LIKE 'sqlite_stat%' ORDER BY name"
 
 
@@ -44,7 +46,7 @@ class FullError(StoreError):
 
 
 class Schema(NamedTuple):
-    """What is in a file. The version of a file is the number of steps that it has been taken through."""
+    """The tables of a file. Its version is the number of steps that it has been taken through."""
 
     name: str  # of its thread and in logs
     steps: tuple[Work, ...]  # each makes one version of the one before
@@ -68,7 +70,6 @@ class Database:
         # Room on the disk, allocated and never written, that is given up while the disk is full.
         self._reserve = None if path is None else path.with_name(f"{path.name}-reserve")
         self._connection: Connection | None = None
-        self._damage: DamagedError | None = None  # found while the file was in use
 
     @property
     def is_open(self) -> bool:
@@ -78,15 +79,9 @@ class Database:
     def open(self) -> None:
         """Open or create the file; one that is damaged is put aside. StoreError."""
         try:
-            if self._damage is not None:
-                raise self._damage
             self._connect()
         except DamagedError as error:
-            self.close()
-            with translated(self.path):
-                aside = put_aside(self.path)
-            self._damage = None
-            self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
+            self._lose(error)
             self._connect()
         except FullError:
             if not self._give_up_reserve():
@@ -96,25 +91,19 @@ class Database:
     def transact(self, works: Iterable[Work], *, is_flushed: bool = True) -> list[Any]:
         """Do the work in one transaction, and return its answers when it is on the disk.
 
-        What is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until the
-        next transaction that is. A file that proves damaged is put aside when it is opened next.
+        Work that is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until
+        the next transaction that is. A file that proves damaged is put aside.
         """
         connection = self._opened()
         try:
             with translated(self.path):
                 _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
                 connection.execute("BEGIN IMMEDIATE")
-                try:
-                    answers = [work(connection) for work in works]
-                    connection.execute("COMMIT")
-                except BaseException:
-                    if connection.in_transaction:
-                        connection.execute("ROLLBACK")
-                    raise
+                with connection:  # commits, or rolls back
+                    return [work(connection) for work in works]
         except DamagedError as error:
-            self._damage = error
+            self._lose(error)
             raise
-        return answers
 
     def take_reserve(self) -> None:
         """Take the room again that was given up, as soon as the disk has that much besides; FullError.
@@ -149,6 +138,13 @@ class Database:
         if connection is not None:
             with suppress(sqlite3.Error):  # its last checkpoint failed: the next one to open it does that
                 connection.close()
+
+    def _lose(self, error: DamagedError) -> None:
+        """Put the file aside, so that the next one to be opened is new. StoreError."""
+        self.close()
+        with translated(self.path):
+            aside = put_aside(self.path)
+        self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
 
     def _give_up_reserve(self) -> bool:
         """Give the room back to the disk; return whether there was any."""
@@ -188,7 +184,7 @@ class Database:
 
     def _prepare(self, connection: Connection) -> None:
         """Make sure that the file is whole, writable, and of this version."""
-        connection.text_factory = _text
+        connection.text_factory = _TEXT
         if _ask(connection, "PRAGMA quick_check(1)") != "ok":
             raise DamagedError(f"{self.path} is damaged")
         version = _known_version(connection, self.path, self._schema)
@@ -203,32 +199,30 @@ class Database:
         ):
             _ask(connection, f"PRAGMA {setting}")
         connection.execute("BEGIN IMMEDIATE")
-        for step in self._schema.steps[version:]:
-            step(connection)
-        connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
-        connection.execute("COMMIT")
+        with connection:
+            for step in self._schema.steps[version:]:
+                step(connection)
+            connection.execute(f"PRAGMA user_version = {len(self._schema.steps)}")
         if connection.execute(_SHAPE).fetchall() != self._schema.shape():
             raise DamagedError(f"{self.path} has other tables")
 
 
 def copy_file(path: Path, schema: Schema, copy: Path) -> int:
     """Copy a database as it is at one moment, while a gateway writes to it or not; return its version."""
-    with _reader(path) as source:
-        version = _known_version(source, path, schema)
+    with _reader(path, schema) as (source, version):
         source.execute("VACUUM INTO ?", (str(copy),))
         return version
 
 
 def stored_version(path: Path, schema: Schema) -> int:
     """Return the version of a database; NewerError for a later one, StoreError when it cannot be read."""
-    with _reader(path) as connection:
-        return _known_version(connection, path, schema)
+    with _reader(path, schema) as (_, version):
+        return version
 
 
 def read_file(path: Path, schema: Schema, work: Callable[[Connection], T]) -> T:
     """Do some work on a shared file of another process, or of none, without changing it; StoreError."""
-    with _reader(path) as connection:
-        _known_version(connection, path, schema)
+    with _reader(path, schema) as (connection, _):
         connection.execute("BEGIN")  # one moment's state, whatever is written meanwhile
         return work(connection)
 
@@ -244,10 +238,11 @@ def write_file(path: Path, schema: Schema, work: Work) -> None:
 
 
 @contextmanager
-def _reader(path: Path) -> Iterator[Connection]:
-    """Open a file for reading. Nothing is made beside one without a log: no process has it open.
+def _reader(path: Path, schema: Schema) -> Iterator[tuple[Connection, int]]:
+    """Open a file for reading; yield it with its version.
 
-    So nothing changes meanwhile (sqlite.org/wal.html 5), unless a gateway starts, which fails the reading.
+    Nothing is made beside one without a log: no process has it open. So nothing changes meanwhile
+    (sqlite.org/wal.html 5), unless a gateway starts, which fails the reading.
     """
     with translated(path, are_bugs=False):
         if not path.exists():
@@ -257,15 +252,10 @@ def _reader(path: Path) -> Iterator[Connection]:
         uri = f"{path.absolute().as_uri()}?mode=ro{'&immutable=1' if is_idle else ''}"
         connection = sqlite3.connect(uri, uri=True, timeout=LOCKED_WITHIN_S, isolation_level=None)
         with closing(connection):
-            connection.text_factory = _text
-            yield connection
+            connection.text_factory = _TEXT
+            yield connection, _known_version(connection, path, schema)
         if is_idle and os.path.lexists(f"{path}-wal"):
             raise StoreError(f"{path} has just been opened by a gateway (try again)")
-
-
-def _text(octets: bytes) -> str:
-    """Return a text, also of a file that is damaged."""
-    return octets.decode("utf-8", "replace")
 
 
 def _known_version(connection: Connection, path: Path, schema: Schema) -> int:

@@ -1,6 +1,6 @@
 """Documents: small models that outlive the process, each read once at the start and saved whole.
 
-What is saved is written behind, and the newest wins. A document that is not what its model says is as if it
+A change is written behind, and the newest wins. A document that is not what its model says is as if it
 was not there, and one event says so. A file that could not be read has damaged them all.
 """
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from gateway.store.database import Connection, read_file
-from gateway.store.import_0_2 import import_late
+from gateway.store.import_0_2 import import_files
 from gateway.store.schema import HISTORY, HISTORY_FILE
 from gateway.store.worker import BEHIND_S, OnNews, Store
 from gateway.system.supervised import on_this_loop
@@ -47,7 +47,7 @@ _WINDOW_BITS = 13  # 8 KiB instead of 32: less memory, hardly more on the disk
 
 
 class HistoryRow(NamedTuple):
-    """What is stored of a starter under a kind and an id, in place of what was there."""
+    """The data of a starter under a kind and an id, in place of any that were there."""
 
     starter: str
     kind: str
@@ -60,7 +60,7 @@ class HistoryStore:
     """All calls on the app's loop; only `rows` and `close` wait for the disk."""
 
     def __init__(self, path: Path) -> None:
-        prepare = partial(import_late, path.parent)
+        prepare = partial(import_files, path.parent)
         self._store = Store(path, HISTORY, most_waiting=MOST_UNSAVED, prepare=prepare)
         self._on_stored: Callable[[HistoryRow], None] = lambda _: None
 

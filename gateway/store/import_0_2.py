@@ -1,9 +1,9 @@
-"""What 0.2.0 has left in `state_dir`, imported once. To be removed in 0.4, with `state-of-0.2.0.tar.gz`.
+"""The state that 0.2.0 has left in `state_dir`, imported once. To be removed in 0.4, with its test's archive.
 
 0.2.0 had SQLite files of commands, messages and history, a JSON file for each document, and the audit in text
 files. They are read and never changed, so that the way back starts on them. Each of our files appears whole
-or not at all. A part that is damaged is left out, and what is left out is said; but a damaged document is
-taken as it is, so that its reader finds the damage and acts on it (locks).
+or not at all. A part that is damaged is left out, and the journal says so; but a damaged document is taken as
+it is, so that its reader finds the damage and acts on it (locks).
 
 The audit's chain goes on: its newest lines are copied as they are, and those before them stay in the text
 files, of which the anchor has the last hash. A result that 0.2.0 had not yet written to its outbox when it
@@ -12,7 +12,7 @@ was killed is not published; who repeats the command gets it.
 As long as the import fails, as on a full disk, our files are not opened: they count as away, starts are
 refused, and the import is tried again.
 
-Who went back to 0.2.0 and comes forward again has the newer state in these files: our own are then put aside.
+After a way back to 0.2.0 and forward again the newer state is in these files: our own are then put aside.
 """
 
 from __future__ import annotations
@@ -103,26 +103,18 @@ def is_import_due(state_dir: Path) -> bool:
         return False
 
 
-def import_files(state_dir: Path) -> list[str]:
-    """Make our files of those of 0.2.0 if that is due; return what was damaged and left out. StoreError.
+def import_files(state_dir: Path | None) -> None:
+    """Make our files of those of 0.2.0 if that is due; None: there are none. StoreError.
 
     Where it fails, nothing is changed, and it is due again.
     """
-    problems: list[str] = []
     with _IMPORTING:
-        if is_import_due(state_dir):
+        if state_dir is not None and is_import_due(state_dir):
             _demand_room(state_dir)
             for name, schema in SCHEMAS.items():
-                _build(state_dir / f"{name}{NEW}", schema, state_dir, problems)
+                _build(state_dir / f"{name}{NEW}", schema, state_dir)
             for name in SCHEMAS:
                 _put_in_place(state_dir / name)
-    return problems
-
-
-def import_late(state_dir: Path | None) -> None:
-    """Import what could not be imported at the start, before our own file is opened. StoreError."""
-    for problem in import_files(state_dir) if state_dir is not None else ():
-        log.error("upgrade: %s", problem)
 
 
 def documents_of_0_2(state_dir: Path) -> dict[str, str]:
@@ -159,12 +151,12 @@ def _demand_room(state_dir: Path) -> None:
         raise StoreError(f"{state_dir}: the import of what 0.2.0 has stored needs {needed / 2**20:.1f} MiB")
 
 
-def _build(new: Path, schema: Schema, state_dir: Path, problems: list[str]) -> None:
+def _build(new: Path, schema: Schema, state_dir: Path) -> None:
     """Make one of our files under another name, in one transaction. StoreError."""
     try:
         with translated(new):
             _remove(new)
-            write_file(new, schema, partial(_copy, schema=schema, state_dir=state_dir, problems=problems))
+            write_file(new, schema, partial(_copy, schema=schema, state_dir=state_dir))
             sync_file(new)
     except StoreError:
         with suppress(OSError):
@@ -185,7 +177,7 @@ def _put_in_place(path: Path) -> None:
         put_in_place(path.with_name(path.name + NEW), path)
 
 
-def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: list[str]) -> None:
+def _copy(connection: Connection, *, schema: Schema, state_dir: Path) -> None:
     """Copy each part that can be read."""
     for part in PARTS[schema]:
         try:
@@ -193,7 +185,7 @@ def _copy(connection: Connection, *, schema: Schema, state_dir: Path, problems: 
         except FullError:
             raise  # ours has no room
         except (StoreError, OSError, ValueError, TypeError) as error:
-            problems.append(f"left out of what 0.2.0 had stored: {error}")
+            log.error("upgrade: left out of what 0.2.0 had stored: %s", error)  # noqa: TRY400 - one line
 
 
 def _copy_commands(state_dir: Path, connection: Connection) -> None:

@@ -1,10 +1,10 @@
-"""What waits for the broker: one row a message, from the moment it is put until the broker has it.
+"""Messages that wait for the broker: one row each, from the moment it is put until the broker has it.
 
 Ids rise, and within a rank they are the order. A run counts its own rows from 1, so that an id is known
 before anything is written; the table adds the highest id of earlier runs, whose rows are 0 and below for
 this run. A row has a checksum: one that is damaged is lost and declared, never published. Losses that are
 not declared yet stand in a table of their own, changed in the transaction that makes the loss.
-What is lost when there is too much is decided in memory.
+Memory decides which rows are lost when there are too many.
 
 Rank and id are one number, the key: then a row is written into one page of one B-tree, and what is added at
 the end of a rank fills its pages.
@@ -40,7 +40,7 @@ _ADD_LOSS = "INSERT INTO outbox_losses VALUES (?, ?, ?, ?, ?)"
 
 
 class Rank(enum.IntEnum):
-    """What a row holds; a full outbox gives up the first of these first."""
+    """The kind of a row; a full outbox gives up the first of these first."""
 
     VALUE = 0  # one item of a history
     EVENT = 1  # an event, a start, or an entry of the audit

@@ -1,4 +1,4 @@
-"""What is in a gateway's two files, and how each version of them is made of the one before.
+"""The tables of a gateway's two files, and the steps from each version of them to the next.
 
 `state.sqlite` has the commands, what waits for the broker, documents and the audit: one transaction may touch
 them all. A step never changes once it was released: a changed table is one step more.

@@ -15,7 +15,7 @@ from gateway.contract import EventCode, PublishEvent
 from gateway.store.audit import Audit
 from gateway.store.commands import Journal, Remembered
 from gateway.store.documents import Documents
-from gateway.store.import_0_2 import import_late
+from gateway.store.import_0_2 import import_files
 from gateway.store.schema import STATE
 from gateway.store.worker import News, OnNews, Store
 from gateway.system.supervised import on_this_loop
@@ -31,7 +31,7 @@ class StateStore:
 
     def __init__(self, path: Path | None, *, boot: str, publish_event: PublishEvent) -> None:
         self._publish_event = publish_event
-        prepare = partial(import_late, None if path is None else path.parent)
+        prepare = partial(import_files, None if path is None else path.parent)
         self.store = Store(path, STATE, prepare=prepare)
         self.documents = Documents(self.store, path, publish_event=publish_event)
         self.commands = Journal(self.store, publish_event=publish_event)

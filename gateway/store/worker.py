@@ -25,6 +25,7 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future
 from functools import partial
+from itertools import count
 from math import inf
 from pathlib import Path
 from typing import Any, NamedTuple, TypeVar
@@ -35,7 +36,7 @@ from gateway.system.supervised import is_set_within, on_this_loop
 
 log = logging.getLogger(__name__)
 
-Key = tuple[str, ...]  # names what the work is about, the table first
+Key = tuple[str, ...]  # names what the work is about, the table first; no table: it does not last
 T = TypeVar("T")
 
 MAX_BYTES = 256 * 2**20  # what is in a file has bounds of its own, together half as high
@@ -53,7 +54,7 @@ class News(enum.StrEnum):
     OPEN = "store_open"  # for the first time
     BACK = "store_back"  # open again, after AWAY
     AWAY = "store_away"  # nothing can be stored
-    LOST = "store_lost"  # the file was set aside; a new one is in use
+    LOST = "store_lost"  # the file was set aside; a new one begins
 
 
 OnNews = Callable[[News, str], None]  # with a text for people
@@ -62,9 +63,8 @@ OnNews = Callable[[News, str], None]  # with a text for people
 class Piece(NamedTuple):
     """Some work that waits, and its answer."""
 
-    key: Key | None
-    place: object  # its key; without one, an object of its own
-    is_urgent: bool
+    key: Key
+    urgency: int  # which goes first: an intent (2), then a final (1), then all others (0)
     work: Work
     is_flushed: bool
     is_freeing: bool
@@ -73,7 +73,7 @@ class Piece(NamedTuple):
     @property
     def is_lasting(self) -> bool:
         """Return whether it waits until it is done, whatever the disk does."""
-        return self.key is not None
+        return bool(self.key[0])
 
     def begin(self) -> bool:
         """Return whether it is to be done: its caller has not given it up meanwhile."""
@@ -97,16 +97,17 @@ class Store:
         self._prepare = prepare
         self._file = Database(path, schema, max_bytes=MAX_BYTES)
         self._on_news: OnNews = lambda *_: None
-        self._waiting: dict[object, Piece] = {}  # until they are done
+        self._waiting: dict[Key, Piece] = {}  # until they are done
         self._most_waiting = most_waiting
-        self._lasting: Counter[str] = Counter()  # how many of them are, by table
+        self._counts: Counter[str] = Counter()  # of what waits, by table
+        self._numbers = count()  # of work that does not last
         self._urged = 0  # how often something urgent has come
         self._lock = threading.Lock()  # of what waits
         self._wake: queue.SimpleQueue[float | None] = queue.SimpleQueue()  # by when; None: the end
         self._thread = threading.Thread(target=self._run, name=schema.name, daemon=True)
         self._error: StoreError | None = StoreError("it is not open yet")  # why nothing can be stored
         self._retry_s = 0.0  # when what failed is tried again; 0: nothing has been tried yet
-        self._busy_since_s: float | None = None
+        self._busy_since_s = inf  # at one transaction
         self._is_closed = False
 
     @property
@@ -130,7 +131,7 @@ class Store:
     @property
     def unsaved(self) -> int:
         """Return how many lasting pieces wait for the disk."""
-        return self._lasting.total()
+        return self._counts.total() - self._counts[""]
 
     def start(self, on_news: OnNews) -> None:
         """Begin; the file is opened in the thread, which calls `on_news`."""
@@ -151,24 +152,24 @@ class Store:
         """Do some work in a transaction; the future is done when it is on the disk, or has a StoreError.
 
         Urgent work is done first; the rest may wait (`within_s`) for a transaction that something else
-        begins. Work that need not be flushed at once outlives the process,
-        but perhaps not a power cut. Freeing work only deletes, and is done on a full disk too: it should
-        touch less than a quarter of the reserve.
+        begins. Work that need not be flushed at once outlives the process, but perhaps not a power cut.
+        Freeing work only deletes, and is done on a full disk too: it should touch less than a quarter of the
+        reserve.
         """
-        place, oldest = key or object(), None
+        urgency, oldest = is_urgent + (is_urgent and key is None), None
+        key = key or ("", str(next(self._numbers)))
         if self._is_closed:
             return _ended(Future(), "the store is closed")
         with self._lock:
-            older = self._waiting.get(place)
+            older = self._waiting.get(key)
             future: Future[T] = Future() if older is None else older.future
-            is_urgent |= older is not None and older.is_urgent
-            self._urged += is_urgent
-            piece = Piece(key, place, is_urgent, work, is_flushed, is_freeing, future)
-            self._waiting[place] = piece
-            if key is not None:
-                self._lasting[key[0]] += older is None
-                if self._lasting[key[0]] > self._most_waiting:
-                    oldest = next((each for each in self._waiting.values() if _may_go(each, key)), None)
+            urgency = urgency if older is None else max(urgency, older.urgency)
+            self._urged += urgency > 0
+            piece = Piece(key, urgency, work, is_flushed, is_freeing, future)
+            self._waiting[key] = piece
+            self._counts[key[0]] += older is None
+            if piece.is_lasting and self._counts[key[0]] > self._most_waiting:
+                oldest = next((each for each in self._waiting.values() if _may_go(each, key)), None)
             if oldest is not None:
                 self._remove(oldest)
         self._wake.put(time.monotonic() + within_s)
@@ -195,8 +196,7 @@ class Store:
         return not self._thread.is_alive()
 
     def _busy_s(self) -> float:
-        since_s = self._busy_since_s
-        return 0.0 if since_s is None else time.monotonic() - since_s
+        return time.monotonic() - self._busy_since_s
 
     # Everything below happens in the thread.
 
@@ -229,12 +229,10 @@ class Store:
         They wait until they are done, or have failed.
         """
         with self._lock:
-            if self._error is not None and len(self._waiting) == self._lasting.total():
-                return None
             pieces = self._waiting.values()
             ready = [piece for piece in pieces if self._error is None or not piece.is_lasting]
-            urgent = [piece for piece in ready if piece.is_urgent]
-            found = ([piece for piece in urgent if not piece.is_lasting] or urgent or ready)[:MOST_AT_ONCE]
+            first = max((piece.urgency for piece in ready), default=0)
+            found = [piece for piece in ready if piece.urgency == first][:MOST_AT_ONCE]
             batch = [piece for piece in found if piece.begin()]
             for piece in found:
                 if not piece.future.running():  # its caller has given it up
@@ -260,7 +258,7 @@ class Store:
                 self._end(begun[-1], error=failure)
             else:  # it is not a piece's, and comes again
                 self._fail(batch, failure)
-        self._busy_since_s = None
+        self._busy_since_s = inf
 
     def _transact(self, batch: Sequence[Piece], begun: list[Piece]) -> list[Any]:
         """Do the work; on a full disk only what deletes. StoreError."""
@@ -272,7 +270,7 @@ class Store:
             freeing = [piece for piece in batch if piece.is_freeing]
             if not freeing:
                 raise
-            self._pause(error)
+            self._fail((), error)
             return self._file.relieve(self._in_time(freeing, begun))
 
     def _open(self) -> None:
@@ -311,35 +309,28 @@ class Store:
 
     def _remove(self, piece: Piece) -> bool:
         """Let a piece wait no longer; return whether it did."""
-        is_waiting = self._waiting.get(piece.place) is piece
+        is_waiting = self._waiting.get(piece.key) is piece
         if is_waiting:
-            del self._waiting[piece.place]
-            if piece.key is not None:
-                self._lasting[piece.key[0]] -= 1
+            del self._waiting[piece.key]
+            self._counts[piece.key[0]] -= 1
         return is_waiting
 
     def _fail(self, pieces: Iterable[Piece], error: StoreError) -> None:
-        """Note that nothing can be stored now: those that are not lasting have failed."""
-        self._pause(error)
+        """Begin a pause before the next attempt; pieces that are not lasting have failed."""
+        if time.monotonic() >= self._retry_s:  # else it is the pause that makes this error
+            is_news = not self.is_away
+            self._retry_s = time.monotonic() + RETRY_S
+            self._error = error
+            if is_news:
+                self._on_news(News.AWAY, str(error))
         for piece in pieces:
             if not piece.is_lasting:
                 self._end(piece, error=error)
 
-    def _pause(self, error: StoreError) -> None:
-        """Begin a pause before the next attempt, unless this error is one that the pause makes."""
-        if time.monotonic() < self._retry_s:
-            return
-        is_news = not self.is_away
-        self._retry_s = time.monotonic() + RETRY_S
-        self._error = error
-        if is_news:
-            self._on_news(News.AWAY, str(error))
-
 
 def _may_go(piece: Piece, newest: Key) -> bool:
     """Return whether a piece is given up for the newest of its table: none that is being done."""
-    is_of_table = piece.key is not None and piece.key[0] == newest[0]
-    return is_of_table and piece.key != newest and not piece.future.running()
+    return piece.key[0] == newest[0] and piece.key != newest and not piece.future.running()
 
 
 def _ended(future: Future[T], trouble: str) -> Future[T]:

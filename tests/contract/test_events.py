@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.contract import Event, EventCode, Severity, event_of, phrase
 
 
@@ -28,27 +26,3 @@ def test_what_is_not_known_is_absent_only_where_it_is_optional() -> None:
         "from": None,
         "to": "running",
     }
-
-
-WRONG = {
-    "a field is missing": (EventCode.BROKER_AWAY, "", {}),
-    "a field is too much": (EventCode.BROKER_CONNECTED, "", {"trouble": "x"}),
-    "a severity is missing": (EventCode.METRICS_AWAY, "trouble", {"trouble": "x"}),
-    "another severity": (EventCode.BROKER_AWAY, "", {"trouble": "x", "severity": Severity.ERROR}),
-    "another of several": (EventCode.ALARM, "", {"severity": Severity.INFO}),
-}
-
-
-@pytest.mark.parametrize(("code", "case", "fields"), WRONG.values(), ids=WRONG)
-def test_a_wrong_call_is_an_error(code: EventCode, case: str, fields: dict[str, object]) -> None:
-    with pytest.raises(TypeError, match=code.value):
-        event_of(code, case, **fields)  # type: ignore[arg-type]
-
-
-def test_a_case_that_the_code_has_not_is_an_error() -> None:
-    with pytest.raises(KeyError):
-        event_of(EventCode.SPARKPLUG_AWAY, "other")
-
-
-def test_a_value_with_braces_stays_as_it_is() -> None:
-    assert event_of(EventCode.BROKER_AWAY, trouble="{x}").text == "{x}"

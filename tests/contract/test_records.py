@@ -24,7 +24,7 @@ from gateway.contract import (
 from tests.contract.examples import START
 
 VALUE = ValueRecord(
-    starter="pump", point="P003", value=12.0, unit="A", quality=Quality.GOOD, time_s=1.5, seq=7, boot="b"
+    starter="pump", point="p003", value=12.0, unit="A", quality=Quality.GOOD, time_s=1.5, seq=7, boot="b"
 )
 STATE = StateRecord(
     starter="pump",
@@ -57,7 +57,7 @@ INFO = InfoRecord(
     serial=None,
     line="hall",
     address=1,
-    points={"P.002": {"unit": "A", "deadband": 0.5}},
+    points={"p002": {"unit": "A", "deadband": 0.5}},
     commands=("start", "stop"),
 )
 
@@ -68,8 +68,8 @@ ROWS = [
         '{"value":12.0,"unit":"A","quality":"good","time":"1970-01-01T00:00:01.500Z","seq":7,"boot":"b"}',
     ),
     (
-        replace(VALUE, value=2, label="local", reason="why"),
-        "starter/pump/value/p003",
+        replace(VALUE, point="P.003", value=2, label="local", reason="why"),
+        "starter/pump/value/p_003",
         '{"value":2,"unit":"A","quality":"good","time":"1970-01-01T00:00:01.500Z","seq":7,"boot":"b",'
         '"label":"local","reason":"why"}',
     ),
@@ -98,7 +98,7 @@ ROWS = [
         "starter/pump/info",
         '{"family":"ssw07","model":null,"firmware":"1.3","serial":null,"hardware":null,"rated_current_a":null,'
         '"rating":null,"slot":null,"accessories":null,"line":"hall","address":1,'
-        '"points":{"p_002":{"unit":"A","deadband":0.5}},"commands":["start","stop"]}',
+        '"points":{"p002":{"unit":"A","deadband":0.5}},"commands":["start","stop"]}',
     ),
     (
         START,

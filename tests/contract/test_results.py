@@ -2,25 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.contract import Note, Reason, ResultCode, meaning_of
-
-
-@pytest.mark.parametrize(
-    ("code", "case", "fields"),
-    [
-        (ResultCode.EXPIRED, "token", {"age_s": 7.3, "ttl_s": 5.0, "client": "alice"}),
-        (ResultCode.EXPIRED, "token", {"age_s": 7.3}),
-        (ResultCode.EXPIRED, "tokens", {"age_s": 7.3, "ttl_s": 5.0}),
-        (ResultCode.EXPIRED, "", {}),
-    ],
-)
-def test_what_does_not_fit_the_table_is_an_error(
-    code: ResultCode, case: str, fields: dict[str, object]
-) -> None:
-    with pytest.raises(ValueError, match=r"results\.toml"):
-        Reason(code, case, **fields)
 
 
 def test_a_reason_and_what_is_added_make_one_text() -> None:

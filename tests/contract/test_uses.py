@@ -15,7 +15,11 @@ EVENT_USES = [use for use in USES if use.table == "events"]
 
 # By table, code and case: the fields that it must be given, and those that it may.
 TABLE: Mapping[tuple[str, str, str], tuple[Set[str], Set[str]]] = {
-    **{("events", c, case): (m.required(case), m.optional) for c, m in EVENTS.items() for case in m.texts},
+    **{
+        ("events", c, case): (names_in(text) | (m.data.keys() - m.optional), m.optional)
+        for c, m in EVENTS.items()
+        for case, text in m.texts.items()
+    },
     **{
         ("phrases", c, case): (names_in(t), set()) for c, m in EVENTS.items() for case, t in m.phrases.items()
     },

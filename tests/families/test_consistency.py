@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import gateway.families
+from gateway.contract import is_level
 from gateway.families.profile.load import FAMILIES, LANGUAGES, read_profile, rows_of
 from gateway.families.profile.parameters import READS
 from gateway.families.profile.rows import Access, Parameter, Table, Type
@@ -120,6 +121,7 @@ def test_every_point_that_is_named_is_there(profile: Profile) -> None:
 
 def test_every_point_is_a_row_that_can_be_read_a_bit_of_it_or_made_of_others(profile: Profile) -> None:
     for name, point in profile.points.items():
+        assert is_level(name)
         assert bool(point.code) != bool(point.none_of), name
         if point.code:
             row = profile.parameters[point.code]

@@ -73,10 +73,6 @@ def test_a_line_that_was_changed_with_its_own_hash_recomputed_breaks_the_next() 
     assert problems == ["line 4: does not follow line 3: something was removed, inserted or exchanged"]
 
 
-def entries(count: int) -> list[dict[str, Any]]:
-    return [{"kind": "note", "text": f"{number} {'x' * 80}"} for number in range(count)]
-
-
 def lines(connection: Connection) -> list[tuple[str, str]]:
     return [
         (str(n), line)
@@ -89,15 +85,13 @@ def test_the_oldest_lines_go_and_what_is_left_is_one_chain(monkeypatch: pytest.M
     with closing(sqlite3.connect(":memory:")) as connection:
         for step in STATE.steps:
             step(connection)
-        for _ in range(50):
-            for entry in entries(7):
-                append(connection, entry=entry)
+        for number in range(1, 351):
+            append(connection, entry={"kind": "note", "text": f"{number} {'x' * 80}"})
             (anchor, _), left = _place(connection, _ANCHOR), lines(connection)
 
             assert verify(left, after=anchor).problems == []
             assert sum(len(line) for _, line in left) <= 20_000
-
-        assert anchor.number + len(left) == 350
+            assert anchor.number + len(left) == number
 
         connection.execute(
             "DELETE FROM audit WHERE number = (SELECT min(number) FROM audit WHERE number > 0)"

@@ -317,11 +317,12 @@ def test_a_file_corrupted_while_it_is_in_use_is_put_aside(keeping: Make, path: P
     Path(f"{path}-wal").write_bytes(b"")
     with suppress(StoreError):
         one.do(texts)
-    one.until(News.LOST)
+    one.until(News.BACK)
     lasting.result(PATIENCE_S)
 
     one.do(insert("c"))
     assert one.do(texts)[-1] == "c"
+    assert one.kinds() == [News.OPEN, News.LOST, News.AWAY, News.BACK]
 
 
 def test_a_file_that_another_process_holds_is_waited_for_not_put_aside(

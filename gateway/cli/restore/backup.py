@@ -109,8 +109,7 @@ def upgrade_site(path: Path, site: Site) -> None:
     except (OSError, GatewayError) as error:
         log.error("no backup before the upgrade of %s: %s", site.state_dir, error)  # noqa: TRY400 - one line
     try:
-        for problem in backup.upgrade(site.state_dir):
-            log.error("upgrade: %s", problem)
+        backup.upgrade(site.state_dir)
     except GatewayError as error:
         log.error("state_dir %s was not upgraded: %s", site.state_dir, error)  # noqa: TRY400 - one line
 

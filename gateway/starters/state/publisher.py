@@ -9,7 +9,6 @@ from __future__ import annotations
 import asyncio
 import math
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any
 
 from pydantic import TypeAdapter
@@ -214,7 +213,7 @@ class StatePublisher(Emitter):
         """Return an event, with the values before it."""
         event, first = happening.event, happening.first
         if first is not None:
-            event = replace(event, data={**event.data, "before": _before(first)})
+            event = event._replace(data={**event.data, "before": _before(first)})
         return self._records.dated(self.starter, event, time_s=happening.time_s)
 
 
