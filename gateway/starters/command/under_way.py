@@ -43,6 +43,7 @@ class UnderWay:
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._slots: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
         self._tasks: set[asyncio.Task[None]] = set()
+        self.is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
     def is_busy(self, name: str) -> bool:
@@ -141,6 +142,7 @@ class UnderWay:
 
     async def close(self) -> None:
         """Write nothing more, and wait for everything to end."""
+        self.is_closing = True
         under_way: list[CommandRun | Stopping] = [*self._runs.values(), *self._stops.values()]
         for work in under_way:
             work.halt(Reason(ResultCode.SHUTTING_DOWN))

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.command.overload import Overload
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
-from tests.starters.command import reporting
 from tests.virtual_time import VirtualClock, virtually
 
 
@@ -16,14 +14,6 @@ def test_a_bucket_gives_its_burst_then_its_rate_and_never_holds_more_than_its_bu
     taken = [bucket.take(now_s) for now_s in (0.0, 0.0, 0.0, 0.0, 0.5, 0.5, 1e6, 1e6, 1e6, 1e6)]
 
     assert taken == [True, True, True, False, True, False, True, True, True, False]
-
-
-@virtually
-async def test_one_clients_flood_leaves_the_others_theirs() -> None:
-    limits = Overload(reporting())
-
-    assert sum(limits.admits("loud") for _ in range(1000)) == 100
-    assert limits.admits("quiet")
 
 
 async def damped(*puts: tuple[float, str, int]) -> list[tuple[float, int, int]]:
