@@ -164,8 +164,7 @@ class Stopping:
         """Return how soon the next frame is to be sent; None: none is needed."""
         if all(order.good and order.is_taken for order in self._orders):
             return None
-        is_first = self.frames.wanted > self.frames.handed or not all(o.is_written for o in self._orders)
-        return Priority.STOP if is_first else Priority.FOLLOW_UP
+        return Priority.FOLLOW_UP if all(order.is_written for order in self._orders) else Priority.STOP
 
     def _note_written(self, number: int, *, is_acknowledged: bool) -> None:
         for order in self._orders:
@@ -201,7 +200,7 @@ class Stopping:
         released = [order.released for order in self._orders if order.released and not self._starter.is_other]
         for each in released[:1]:
             rows |= await self._read_in_time(each.reads) or {}
-        self.frames.facts.is_answered, now_s = True, self._wire.now_s()
+        self.frames.is_answered, now_s = True, self._wire.now_s()
         self._shown = self._wire.values(rows)
         return [order for order in self._orders if order.note_reading(number, expect, self._shown, now_s)]
 
@@ -224,7 +223,7 @@ class Stopping:
         for order in self._orders:
             is_over = now_s >= order.until_s
             if order.is_seen(now_s) and (order.is_taken or is_over):
-                reason = Reason(ResultCode.OK, "read_back").noted(self.frames.facts.babble)
+                reason = Reason(ResultCode.OK, "read_back").noted(self.frames.babble)
                 ends.append((order, Final(Phase.CONFIRMED, reason, after=points_of(self._shown))))
             elif is_over and order not in shown:
                 ends.append((order, self._unseen(order)))
@@ -232,7 +231,7 @@ class Stopping:
 
     def _end(self, ends: Collection[tuple[StopOrder, Final]]) -> None:
         """Give messages their ends; one event is published for all that are not confirmed."""
-        note = self._starter.note(self.frames.facts.families)
+        note = self._starter.note(self.frames.families)
         ends = [(order, end.noted(note)) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
             self._starter.emitter.event(
@@ -250,15 +249,15 @@ class Stopping:
 
     def _unseen(self, order: StopOrder) -> Final:
         """Return the end of a stop whose time is up."""
-        facts = self.frames.facts
-        if order.is_written and not facts.is_answered and not facts.is_over_babble:
+        frames = self.frames
+        if order.is_written and not frames.is_answered and frames.babble is None:
             reason = Reason(ResultCode.NO_ANSWER, "stop", within_s=DEADLINE_S)
             return Final(Phase.UNCONFIRMED, reason.noted(MAY_BE_TURNING))
         if order.is_written:
             reason = Reason(ResultCode.NOT_SEEN, "release" if order.is_own else "stop", within_s=DEADLINE_S)
-            return Final(Phase.UNCONFIRMED, reason.noted(facts.babble, facts.refusal, MAY_BE_TURNING))
-        if facts.refusal is not None:
-            return Final(Phase.FAILED, facts.refusal.noted(MAY_BE_TURNING))
+            return Final(Phase.UNCONFIRMED, reason.noted(frames.babble, frames.refusal, MAY_BE_TURNING))
+        if frames.refusal is not None:
+            return Final(Phase.FAILED, frames.refusal.noted(MAY_BE_TURNING))
         return self._cut(order, Reason(ResultCode.LINE_DOWN, "stop"))
 
     def _cut(self, order: StopOrder, reason: Reason) -> Final:
