@@ -9,7 +9,6 @@ from __future__ import annotations
 
 from collections.abc import Awaitable, Callable, Generator, Mapping
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Any
 
 from gateway.contract import (
@@ -127,24 +126,25 @@ class OwnVerbs:
         if not (yield self.policy.document.saved()):
             self._set_lock(starter, before)
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "unlock"))
-        end, owner = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "unlocked")), owner_of(before)
-        said = {"client": request.client, "operator": request.operator, "reason": _why(request)}
-        event = partial(starter.emitter.event, EventCode.UNLOCKED)
-        if before.by == request.client:
-            event("own", severity=Severity.INFO, **said)
+        end, event = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "unlocked")), starter.emitter.event
+        client, who, why = request.client, request.operator, _why(request)
+        if before.by == client:
+            event(EventCode.UNLOCKED, "own", severity=Severity.INFO, client=client, operator=who, reason=why)
             return end
+        owner = owner_of(before)
         event(
+            EventCode.UNLOCKED,
             "other",
             severity=Severity.WARNING,
+            client=client,
+            operator=who,
+            reason=why,
+            lock=report.before["lock"],
             owner=owner,
             owner_reason=before.reason,
-            **report.before,
-            **said,
         )
         if before.by != GATEWAY:
-            report.inform(
-                before.by, Final(Phase.CONFIRMED, _removal(request, before), {"by": request.client})
-            )
+            report.inform(before.by, Final(Phase.CONFIRMED, _removal(request, before), {"by": client}))
         return end.noted(Note("lock_was", owner=owner, reason=before.reason))
 
     def _set_lock(self, starter: StarterTelemetry, lock: LockRecord | None) -> None:

@@ -245,8 +245,7 @@ class GroupReport:
 
     def __init__(self, whole: CommandReport, members: Collection[str]) -> None:
         self.whole = whole
-        self._missing = set(members)
-        self._ends: dict[str, Final] = {}
+        self._ends: dict[str, Final | None] = dict.fromkeys(sorted(members))
 
     def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but not stored."""
@@ -256,12 +255,11 @@ class GroupReport:
     def note_end(self, name: str, end: Final) -> None:
         """Record a member's end; the last one ends the whole, confirmed only when all members are."""
         self._ends[name] = end
-        self._missing.discard(name)
-        if not self._missing:
-            self.whole.finish(self._end())
+        ends = {name: end for name, end in self._ends.items() if end is not None}
+        if len(ends) == len(self._ends):
+            self.whole.finish(self._end(ends))
 
-    def _end(self) -> Final:
-        ends = dict(sorted(self._ends.items()))
+    def _end(self, ends: Mapping[str, Final]) -> Final:
         values = {"members": {name: {"phase": e.phase, "code": e.reason.code} for name, e in ends.items()}}
         others = {name: end for name, end in ends.items() if end.phase is not Phase.CONFIRMED}
         if not others:

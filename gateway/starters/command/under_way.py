@@ -7,6 +7,7 @@ gateway asks for: it makes no new token and cancels nothing, and it gives way to
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Collection, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -20,10 +21,13 @@ from gateway.starters.command.report import CommandReport, Reporting, Retention
 from gateway.starters.command.run.decision import CAN_WAIT, Judge
 from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
+from gateway.starters.command.wire import HaltedError
 from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.policy import GATEWAY, Guard
 from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.starter import StarterTelemetry
+
+logger = logging.getLogger(__name__)
 
 _Work = TypeVar("_Work", CommandRun, Stopping)
 
@@ -178,10 +182,16 @@ class UnderWay:
 
 
 async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:
-    """Run what is under way for a starter to its end."""
+    """Run what is under way for a starter to its end, and let nothing more of it go out then."""
     try:
         await work.run()
+    except HaltedError as error:
+        work.cut(error.reason)
+    except Exception:  # the guard at the task's top
+        logger.exception("starter=%s command ended by a bug", name)
+        work.cut(Reason(ResultCode.INTERNAL))
     finally:
+        work.halt(Reason(ResultCode.SHUTTING_DOWN))
         if under_way.get(name) is work:  # else it gave way
             del under_way[name]
 

@@ -15,7 +15,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -42,8 +41,6 @@ from gateway.starters.command.stop.machine import StopOrder
 from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError
 from gateway.starters.identity import IdentityStatus
 
-logger = logging.getLogger(__name__)
-
 ENDED_WITHIN_S = 3.0  # after its deadline: taken back, or abandoned
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
@@ -66,7 +63,7 @@ class _OutdatedError(Exception):
 
 @dataclass(eq=False)
 class CommandRun:
-    """One accepted command under way; `run` always ends with the command's final result."""
+    """One accepted command under way; `run` or else `cut` gives the command's final result."""
 
     judge: Judge
     slot: asyncio.Semaphore | None  # among the commands of its line, until its first write; None: none needed
@@ -83,14 +80,14 @@ class CommandRun:
         self._wire.halt(reason)
 
     async def run(self) -> None:
-        """Carry the command out; never raises."""
-        try:
-            end = await self._ended()
-        except HaltedError as error:  # while it was taken back or abandoned
-            end = self._outlook.cut(error.reason)
-        except Exception:  # the guard at the task's top
-            logger.exception("starter=%s command ended by a bug", self.report.request.starter)
-            end = self._outlook.cut(Reason(ResultCode.INTERNAL))
+        """Carry the command out; HaltedError while it is taken back or abandoned."""
+        self._finish(await self._ended())
+
+    def cut(self, reason: Reason) -> None:
+        """End it, whatever it is at."""
+        self._finish(self._outlook.cut(reason))
+
+    def _finish(self, end: Final) -> None:
         self._held_slot.close()
         self.judge.guard.end(is_written=self.report.is_written)
         self.report.finish(end)

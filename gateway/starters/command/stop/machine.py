@@ -15,7 +15,6 @@ Of a group each member is stopped so on its own: `group`.
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Collection, Iterable
 from dataclasses import dataclass, field
 from math import inf
@@ -30,15 +29,12 @@ from gateway.starters.command.stop.frames import Frames
 from gateway.starters.command.wire import (
     EQUAL_READINGS,
     READ_BACK_PAUSE_S,
-    HaltedError,
     OverdueError,
     Rows,
     Wire,
     points_of,
 )
 from gateway.starters.starter import StarterTelemetry
-
-logger = logging.getLogger(__name__)
 
 DEADLINE_S = 10.0  # of each message
 UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
@@ -147,18 +143,10 @@ class Stopping:
         self._orders.clear()
         self.halt(Reason(ResultCode.OK, "accepted"))
 
-    async def run(self) -> None:
-        """Stop the motor; never raises, and always ends every stop command that has joined."""
-        try:
-            await self._read_on()
-        except HaltedError as error:
-            self._cut_all(error.reason)
-        except Exception:  # the guard at the task's top
-            logger.exception("starter=%s stop ended by a bug", self._starter.setup.name)
-            self._cut_all(Reason(ResultCode.INTERNAL))
-        finally:
-            self._wire.halt(Reason(ResultCode.SHUTTING_DOWN))
-            self.frames.close()
+    def cut(self, reason: Reason) -> None:
+        """End every stop command that has joined."""
+        self.frames.close()
+        self._end([(order, self._cut(order, reason)) for order in self._orders])
 
     def _next_lane(self) -> Priority | None:
         """Return how soon the next frame is to be sent; None: none is needed."""
@@ -173,8 +161,8 @@ class Stopping:
 
     # The readings
 
-    async def _read_on(self) -> None:
-        """Read the starter back until every message has its end."""
+    async def run(self) -> None:
+        """Read the starter back until every stop command that has joined has its end; HaltedError."""
         while self._orders:
             shown: Collection[StopOrder] = ()
             if any(order.is_written for order in self._orders):
@@ -242,10 +230,6 @@ class Stopping:
             self._orders.remove(order)
             if order.report is not None:
                 order.report.finish(end)
-
-    def _cut_all(self, reason: Reason) -> None:
-        self.frames.close()
-        self._end([(order, self._cut(order, reason)) for order in self._orders])
 
     def _unseen(self, order: StopOrder) -> Final:
         """Return the end of a stop whose time is up."""
