@@ -169,7 +169,7 @@ class Commands:
             self._own_verbs.judge(request, starter)
             return
         preparation = self._admission.check_target(request, starter)
-        self.under_way.demand_free(request.starter)
+        self.under_way.demand_free(request)
         rows, points = rows_for(preparation, starter.snapshot.rows), starter.snapshot.good_values()
         judge(request, starter, preparation, Guard(request, self.policy), rows=rows, points=points)
 
@@ -230,10 +230,8 @@ class Commands:
 
     def _take_for(self, starter: StarterTelemetry, request: CommandRequest) -> None:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
-        if not self.under_way.is_busy(request.starter):  # else it is refused for that
-            self.under_way.demand_decided_after_stop(request)
         preparation = self._admission.check_target(request, starter)
-        self.under_way.demand_free(request.starter)
+        self.under_way.demand_free(request)
         guard = self._admission.guard(request, starter)
         reads = reading.with_rows(starter.profile, preparation.reads, guard.codes)
         report = CommandReport(request, self._reporting)

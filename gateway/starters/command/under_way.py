@@ -50,16 +50,14 @@ class UnderWay:
         self.is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
-    def is_busy(self, name: str) -> bool:
-        """Return whether a starter is under a command or a client's stop."""
-        return name in self._runs or (name in self._stops and not self._stops[name].is_own)
-
-    def demand_free(self, name: str) -> None:
-        """Demand that a starter is under no command, and that its configuration stays as it is."""
-        if self.is_busy(name):
+    def demand_free(self, request: CommandRequest) -> None:
+        """Demand a starter under no command or client's stop, nor reload, and none since the decision."""
+        name = request.starter
+        if name in self._runs or (name in self._stops and not self._stops[name].is_own):
             raise CommandError(ResultCode.BUSY, "command")
         if name in self._leaving:
             raise CommandError(ResultCode.BUSY, "reload")
+        self.demand_decided_after_stop(request)
 
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""

@@ -18,7 +18,7 @@ from gateway.contract import Note, Reason
 from gateway.families import Procedure, WriteStep, command
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus import ExceptionCode, Function, MaskWriteRegister
-from gateway.starters.command.stop.addressee import StopAddressee
+from gateway.starters.command.addressee import StopAddressee
 from gateway.starters.command.wire import DECIDES_FOR_S, RefusedError, Wire
 from gateway.system.rate_limits import Bucket, Rate
 
@@ -98,7 +98,7 @@ class Frames:
             steps = self.procedure().steps
             asked = [self.wire.hand_over(step.request, lane=lane) for step in steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
-            logger.exception("starter=%s stop not sent", self.starter.setup.name)
+            logger.exception("starter=%s stop not sent", self.starter.name)
             return
         frame = asyncio.get_running_loop().create_task(self._follow(self._handed, steps, asked))
         self._under_way.add(frame)

@@ -23,8 +23,8 @@ from typing import Any
 from gateway.contract import EventCode, Note, Phase, Reason, ResultCode
 from gateway.families import Expect, Read
 from gateway.line import Priority
+from gateway.starters.command.addressee import StopAddressee
 from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final
-from gateway.starters.command.stop.addressee import StopAddressee
 from gateway.starters.command.stop.frames import Frames
 from gateway.starters.command.wire import (
     EQUAL_READINGS,
@@ -98,7 +98,7 @@ class Stopping:
     """One starter's stop under way; every stop message that comes meanwhile joins it."""
 
     def __init__(self, starter: StarterTelemetry) -> None:
-        self._starter = StopAddressee(starter)
+        self._event, self._starter = starter.emitter.event, StopAddressee(starter)
         self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
@@ -222,7 +222,7 @@ class Stopping:
         note = self._starter.note(self.frames.families)
         ends = [(order, end.noted(note)) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
-            self._starter.emitter.event(
+            self._event(
                 EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.reason.code, outcome=end.reason.text
             )
         for order, end in ends:
