@@ -258,7 +258,10 @@ class Commands:
         is_full = any(self.under_way.answered_stops(name) >= ANSWERED_STOPS for name in names)
         if not self.under_way.is_closing:
             # Before anything is published: that takes longer than the line's silence.
-            self._stop_all(names, request.received_s)
+            for name in names:
+                self.policy.selections.end(name)  # what was decided upon before the stop is decided again
+                self.under_way.stop(name, request.received_s)
+            self.on_stop()
         if earlier is not None and not earlier.result.phase.is_final:
             if self._overload.admits(request):
                 self._repeat(request, earlier)
@@ -269,12 +272,6 @@ class Commands:
         else:
             how: dict[str, Any] = {"is_repeat": earlier is not None, "retention": Retention.BEHIND}
             self._join(CommandReport(request, self._reporting, **how), names)
-
-    def _stop_all(self, names: Collection[str], came_s: float) -> None:
-        for name in names:
-            self.policy.selections.end(name)  # what was decided upon before the stop is decided again
-            self.under_way.stop(name, came_s)
-        self.on_stop()
 
     def _join(self, report: CommandReport, stopped: Collection[str]) -> None:
         """Have a stop answered whose frames are asked for; of a group with an answer for each member too."""

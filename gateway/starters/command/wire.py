@@ -95,11 +95,11 @@ class Wire:
         return rows
 
     async def read_back(self, reads: Iterable[Read]) -> Rows | None:
-        """Return freshly read rows for a read-back; None when a part of them could not be had."""
+        """Return freshly read rows for a read-back; None when a part of them could not be had in time."""
         try:
             return await self.read(reads, lane=self._read_back_lane)
-        except (CommandError, RefusedError):  # or the family that is spoken to now does not have such a row
-            return None
+        except (CommandError, OverdueError, RefusedError):
+            return None  # or the family that is spoken to now does not have such a row
 
     async def see(self, expect: Expect) -> dict[str, Any] | None:
         """Return the values of two readings in a row that show what is expected; None when its time is up."""

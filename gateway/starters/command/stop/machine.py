@@ -15,13 +15,13 @@ Of a group each member is stopped so on its own: `group`.
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
 from gateway.contract import EventCode, Note, Phase, Reason, ResultCode
-from gateway.families import Expect, Read
+from gateway.families import Expect
 from gateway.line import Priority
 from gateway.starters.command.addressee import StopAddressee
 from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final
@@ -29,8 +29,6 @@ from gateway.starters.command.stop.frames import Frames
 from gateway.starters.command.wire import (
     EQUAL_READINGS,
     READ_BACK_PAUSE_S,
-    OverdueError,
-    Rows,
     Wire,
     points_of,
 )
@@ -136,11 +134,8 @@ class Stopping:
 
     def give_way(self) -> None:
         """End, for the audit alone, and let nothing more go out: a newer command has been accepted."""
-        for order in self._orders:
-            order.over.set()
-            if order.report is not None:
-                order.report.finish(self._cut(order, Reason(ResultCode.BUSY, "command")))
-        self._orders.clear()
+        for order in tuple(self._orders):
+            self._finish(order, self._cut(order, Reason(ResultCode.BUSY, "command")))
         self.halt(Reason(ResultCode.OK, "accepted"))
 
     def cut(self, reason: Reason) -> None:
@@ -168,6 +163,7 @@ class Stopping:
             if any(order.is_written for order in self._orders):
                 self._readings += 1
                 shown = await self._read_back()
+                self._wire.until_s = inf
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
             else:
                 self.frames.procedure()  # what cannot be built cannot be sent
@@ -180,27 +176,18 @@ class Stopping:
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
         expect, number = self.frames.procedure().verify, self._readings
-        rows = None if expect is None else await self._read_in_time(expect.reads)
+        self._wire.until_s = min(order.until_s for order in self._orders) + LAST_READING_S
+        rows = None if expect is None else await self._wire.read_back(expect.reads)
         self._unread = self._unread + 1 if rows is None else 0
         if expect is None or rows is None:
             return ()
         # What a start that is taken back needs besides: a starter may refuse it, and is stopped all the same.
         released = [order.released for order in self._orders if order.released and not self._starter.is_other]
         for each in released[:1]:
-            rows |= await self._read_in_time(each.reads) or {}
+            rows |= await self._wire.read_back(each.reads) or {}
         self.frames.is_answered, now_s = True, self._wire.now_s()
         self._shown = self._wire.values(rows)
         return [order for order in self._orders if order.note_reading(number, expect, self._shown, now_s)]
-
-    async def _read_in_time(self, reads: Iterable[Read]) -> Rows | None:
-        """Return what is read back; None when the first of the messages is over for too long."""
-        self._wire.until_s = min(order.until_s for order in self._orders) + LAST_READING_S
-        try:
-            return await self._wire.read_back(reads)
-        except OverdueError:
-            return None
-        finally:
-            self._wire.until_s = inf
 
     # The ends
 
@@ -226,10 +213,13 @@ class Stopping:
                 EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.reason.code, outcome=end.reason.text
             )
         for order, end in ends:
-            order.over.set()
-            self._orders.remove(order)
-            if order.report is not None:
-                order.report.finish(end)
+            self._finish(order, end)
+
+    def _finish(self, order: StopOrder, end: Final) -> None:
+        order.over.set()
+        self._orders.remove(order)
+        if order.report is not None:
+            order.report.finish(end)
 
     def _unseen(self, order: StopOrder) -> Final:
         """Return the end of a stop whose time is up."""
