@@ -62,12 +62,12 @@ class UnderWay:
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
-        starter, slot = self.starters[name], None
+        starter, slot = self.starters[name], asyncio.Semaphore(AT_ONCE)
         if verb != READ:  # which changes nothing at the starter, and needs no slot
             if name in self._stops:
                 self._stops.pop(name).give_way()
             line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other
-            slot = self._slots.setdefault(line, asyncio.Semaphore(AT_ONCE))
+            slot = self._slots.setdefault(line, slot)
         run = CommandRun(Judge(report, starter, preparation, guard), slot, self._run_off)
         self._carry_out(self._runs, name, run)
 
@@ -85,7 +85,7 @@ class UnderWay:
         self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
         run = self._runs.get(name)
         if run is not None:
-            run.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
+            run.wire.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
         stopping = self._stopping(name)
         if run is not None and run.report.request.verb == "jog":
             stopping.frames.with_jog = True  # it may have been written, and not yet be seen
@@ -121,7 +121,7 @@ class UnderWay:
         if run is None or run.report.is_written:
             return
         if is_forbidden(run.report.request.verb, run.report.request.args):
-            run.halt(Reason(ResultCode.LOCKED, "cut"))
+            run.wire.halt(Reason(ResultCode.LOCKED, "cut"))
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `reopen`."""
@@ -139,7 +139,7 @@ class UnderWay:
         for name in self._leaving:
             for work in (self._runs.pop(name, None), self._stops.pop(name, None)):
                 if work is not None:
-                    work.halt(Reason(ResultCode.BUSY, "reloaded"))
+                    work.wire.halt(Reason(ResultCode.BUSY, "reloaded"))
         self._leaving = ()
 
     async def close(self) -> None:
@@ -147,7 +147,7 @@ class UnderWay:
         self.is_closing = True
         under_way: list[CommandRun | Stopping] = [*self._runs.values(), *self._stops.values()]
         for work in under_way:
-            work.halt(Reason(ResultCode.SHUTTING_DOWN))
+            work.wire.halt(Reason(ResultCode.SHUTTING_DOWN))
         if self._tasks:
             await asyncio.wait(self._tasks)
 
@@ -189,7 +189,7 @@ async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:
         logger.exception("starter=%s command ended by a bug", name)
         work.cut(Reason(ResultCode.INTERNAL))
     finally:
-        work.halt(Reason(ResultCode.SHUTTING_DOWN))
+        work.wire.halt(Reason(ResultCode.SHUTTING_DOWN))
         if under_way.get(name) is work:  # else it gave way
             del under_way[name]
 

@@ -97,8 +97,8 @@ class Stopping:
 
     def __init__(self, starter: StarterTelemetry) -> None:
         self._event, self._starter = starter.emitter.event, StopAddressee(starter)
-        self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
-        self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
+        self.wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
+        self.frames = Frames(self._starter, self.wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
         self._unread = 0  # the latest of them in a row that were not answered
@@ -110,7 +110,7 @@ class Stopping:
         `released`: to take back what a command may have left in the starter, until that is read as well.
         """
         self._orders = [order for order in self._orders if order.report]
-        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s(), released=released))
+        self._orders.append(StopOrder(self.frames.ask(), self.wire.now_s(), released=released))
         return self._orders[-1]
 
     def join(self, report: CommandReport) -> None:
@@ -128,15 +128,11 @@ class Stopping:
         """Return whether it only takes a start back: a newer command may end it."""
         return all(order.is_own for order in self._orders)
 
-    def halt(self, reason: Reason) -> None:
-        """Let nothing more go out."""
-        self._wire.halt(reason)
-
     def give_way(self) -> None:
         """End, for the audit alone, and let nothing more go out: a newer command has been accepted."""
         for order in tuple(self._orders):
             self._finish(order, self._cut(order, Reason(ResultCode.BUSY, "command")))
-        self.halt(Reason(ResultCode.OK, "accepted"))
+        self.wire.halt(Reason(ResultCode.OK, "accepted"))
 
     def cut(self, reason: Reason) -> None:
         """End every stop command that has joined."""
@@ -163,7 +159,7 @@ class Stopping:
             if any(order.is_written for order in self._orders):
                 self._readings += 1
                 shown = await self._read_back()
-                self._wire.until_s = inf
+                self.wire.until_s = inf
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
             else:
                 self.frames.procedure()  # what cannot be built cannot be sent
@@ -171,22 +167,22 @@ class Stopping:
             self.frames.send_if_due()
             if self._orders:  # a silent starter costs its line a time-out each time
                 pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
-                await self._wire.wait_for(asyncio.sleep(pause_s))
+                await self.wire.wait_for(asyncio.sleep(pause_s))
 
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
         expect, number = self.frames.procedure().verify, self._readings
-        self._wire.until_s = min(order.until_s for order in self._orders) + LAST_READING_S
-        rows = None if expect is None else await self._wire.read_back(expect.reads)
+        self.wire.until_s = min(order.until_s for order in self._orders) + LAST_READING_S
+        rows = None if expect is None else await self.wire.read_back(expect.reads)
         self._unread = self._unread + 1 if rows is None else 0
         if expect is None or rows is None:
             return ()
         # What a start that is taken back needs besides: a starter may refuse it, and is stopped all the same.
         released = [order.released for order in self._orders if order.released and not self._starter.is_other]
         for each in released[:1]:
-            rows |= await self._wire.read_back(each.reads) or {}
-        self.frames.is_answered, now_s = True, self._wire.now_s()
-        self._shown = self._wire.values(rows)
+            rows |= await self.wire.read_back(each.reads) or {}
+        self.frames.is_answered, now_s = True, self.wire.now_s()
+        self._shown = self.wire.values(rows)
         return [order for order in self._orders if order.note_reading(number, expect, self._shown, now_s)]
 
     # The ends
@@ -194,7 +190,7 @@ class Stopping:
     def _end_what_is_over(self, shown: Collection[StopOrder]) -> None:
         """End the messages that are read back, and those whose time is up unless a stop was just seen."""
         ends: list[tuple[StopOrder, Final]] = []
-        now_s = self._wire.now_s()
+        now_s = self.wire.now_s()
         for order in self._orders:
             is_over = now_s >= order.until_s
             if order.is_seen(now_s) and (order.is_taken or is_over):
