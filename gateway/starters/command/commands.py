@@ -11,7 +11,6 @@ import asyncio
 import itertools
 from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 from weakref import WeakValueDictionary
 
 from gateway.contract import (
@@ -270,8 +269,9 @@ class Commands:
         elif is_full:
             self._overload.answer(request, is_stopped=True)
         else:
-            how: dict[str, Any] = {"is_repeat": earlier is not None, "retention": Retention.BEHIND}
-            self._join(CommandReport(request, self._reporting, **how), names)
+            is_repeat = earlier is not None
+            report = CommandReport(request, self._reporting, is_repeat=is_repeat, retention=Retention.BEHIND)
+            self._join(report, names)
 
     def _join(self, report: CommandReport, stopped: Collection[str]) -> None:
         """Have a stop answered whose frames are asked for; of a group with an answer for each member too."""
