@@ -219,15 +219,15 @@ class Commands:
         try:
             self._demand_open(request)
             if request.verb in OWN_VERBS:
-                self._take_own(request, starter)
+                self._do_own(request, starter)
             else:
-                self._take_for(starter, request)
+                self._begin(request, starter)
         except CommandError as refusal:
             # Without the ledger, what it has may say something else.
             is_stored = refusal.code != ResultCode.NOT_STORED
             self._refuse(request, refusal, Retention.DISK if is_stored else Retention.RUN)
 
-    def _take_for(self, starter: StarterTelemetry, request: CommandRequest) -> None:
+    def _begin(self, request: CommandRequest, starter: StarterTelemetry) -> None:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
         preparation = self._admission.check_target(request, starter)
         self.under_way.demand_free(request)
@@ -237,7 +237,7 @@ class Commands:
         report.accept()
         self.under_way.begin(report, replace(preparation, reads=reads), guard)
 
-    def _take_own(self, request: CommandRequest, starter: StarterTelemetry) -> None:
+    def _do_own(self, request: CommandRequest, starter: StarterTelemetry) -> None:
         """Carry out one of the gateway's own verbs; CommandError when it must not be."""
         deed = self._own_verbs.judge(request, starter)
         if request.verb == SELECT:
