@@ -123,8 +123,8 @@ class Commands:
         """
         try:
             self._admission.check_sender(request)
-            self._demand_open(request)
             if request.verb != STOP:
+                self._demand_open()
                 self._preview(request, self.starters[request.starter])
         except CommandError as error:
             return error
@@ -172,10 +172,10 @@ class Commands:
         rows, points = rows_for(preparation, starter.snapshot.rows), starter.snapshot.good_values()
         judge(request, starter, preparation, Guard(request, self.policy), rows=rows, points=points)
 
-    def _demand_open(self, request: CommandRequest) -> None:
+    def _demand_open(self) -> None:
         if self.under_way.is_closing:
             raise CommandError(ResultCode.SHUTTING_DOWN)
-        if request.verb != STOP and (trouble := self.journal.trouble):
+        if trouble := self.journal.trouble:
             raise CommandError(ResultCode.NOT_STORED, "trouble", trouble=trouble)
 
     def _answer(self, request: CommandRequest, refusal: CommandError | None) -> None:
@@ -217,7 +217,7 @@ class Commands:
         """Take a command that is not known yet; refuse one that cannot even begin."""
         starter = self.starters[request.starter]
         try:
-            self._demand_open(request)
+            self._demand_open()
             if request.verb in OWN_VERBS:
                 self._do_own(request, starter)
             else:
