@@ -90,7 +90,7 @@ class Commands:
     on_stop: Callable[[], None]  # called once a stop's frames are asked for
 
     def __post_init__(self) -> None:
-        ledger = Ledger(on_forgotten=self.journal.forget)
+        ledger = Ledger(now_s=self.records.clock.now_s, on_forgotten=self.journal.forget)
         self._reporting = Reporting(self.records, ledger, self.journal, self.proofs.stood_still_s)
         self.under_way = UnderWay(self.starters, self._reporting)
         self._admission = Admission(self.starters, self.policy, self.proofs)
@@ -136,13 +136,13 @@ class Commands:
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Record the commands of earlier runs, the oldest first; publish once what was cut short."""
-        ledger, now_s = self._reporting.ledger, self._reporting.now_s()
+        ledger = self._reporting.ledger
         for result, may_be_written in commands:
             known = ledger.find(result.client, result.id)
             if known is not None and known.result.phase is not Phase.REJECTED:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if result.phase.is_final:
-                ledger.store(result, now_s=now_s)  # its age begins now: no clock says it
+                ledger.store(result)  # its age begins now: no clock says it
             else:
                 self._end_crashed(result, may_be_written=may_be_written)
 
