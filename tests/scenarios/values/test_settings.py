@@ -76,7 +76,7 @@ ROWS = [
         },
     ),
     row(
-        "a setting that was changed at the keypad is found by the patrol, and the readiness is looked at again",
+        "a setting changed at the keypad is found by the patrol, and the readiness is looked at again",
         given=SSW07,
         at={55: "pump P314 = 30"},
         then={
