@@ -89,7 +89,7 @@ print("sets", source.is_source, *(step.request.encode().hex() for step in source
 
 def test_with_a_folder_and_a_file_it_is_a_family_like_any_other(tmp_path: Path) -> None:
     """In a copy of the gateway of which nothing else is touched: identified, read, watched and started."""
-    shutil.copytree(GATEWAY, tmp_path / "gateway")  # with its compiled modules: their sources keep their times
+    shutil.copytree(GATEWAY, tmp_path / "gateway")  # with its compiled modules
     families = tmp_path / "gateway" / "families"
     shutil.copytree(
         ACME, families / "profiles" / "acme", ignore=shutil.ignore_patterns("*.py", "__pycache__")

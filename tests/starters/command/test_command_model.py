@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 from hypothesis import HealthCheck, settings
 
@@ -11,7 +13,7 @@ pytestmark = pytest.mark.long
 
 # Several cases, so that several processes share the histories; each draws its own, by the name of its class.
 for number in range(3):
-    machine = type(f"CommandMachine{number}", (CommandMachine,), {})
+    machine: Any = type(f"CommandMachine{number}", (CommandMachine,), {})
     machine.TestCase.settings = settings(
         max_examples=9,
         stateful_step_count=30,
