@@ -64,7 +64,7 @@ async def test_a_broker_that_refuses_mqtt_5_and_no_other_is_asked_in_3_1_1(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     if SILENCE in answers:
-        monkeypatch.setattr("gateway.mqtt.connection.session.ANSWER_S", 0.2)
+        monkeypatch.setattr("gateway.mqtt.connection.session.ANSWER_S", 0.5)
     async with FakeBroker(Successive(answers)) as broker:
         settings = BrokerSettings("127.0.0.1", broker.port, "g", version=version)
         if answers[-1] in (ACCEPT_5, ACCEPT_311):
