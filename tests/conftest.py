@@ -22,6 +22,7 @@ settings.register_profile("recorded", derandomize=True, database=None, deadline=
 settings.register_profile("random", derandomize=False, database=None, deadline=None, print_blob=True)
 settings.load_profile("recorded")
 
+gc.set_threshold(20_000, 20, 20)  # a plant makes many objects, and few of them are garbage
 
 # Where tests run in the background Ctrl-C is ignored, and every program that they start would inherit that.
 if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:

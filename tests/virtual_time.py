@@ -18,7 +18,8 @@ EPOCH_S = 1_760_000_000.0  # the wall time at virtual second 0
 class _JumpingSelector(selectors.DefaultSelector):
     """Reports ready files at once; where none is ready, the loop's time takes the wait.
 
-    The system is asked only where there may be an answer: of a file, or of a thread that has called.
+    The system is asked only where there may be an answer: of a thread that has called, or, where nothing else
+    is left to do, of a file.
     """
 
     def __init__(self) -> None:
@@ -36,7 +37,7 @@ class _JumpingSelector(selectors.DefaultSelector):
         return super().unregister(fileobj)
 
     def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
-        if self.files > 1 or self.may_be_woken:
+        if self.may_be_woken or (self.files > 1 and timeout != 0):
             ready = super().select(0)
             if ready:
                 return ready

@@ -14,11 +14,9 @@ from typing import Any
 from gateway.starters.policy.motor_history import LOCKS, MOTORS
 from gateway.store import STATE_FILE, read_document
 from gateway.store.backup import upgrade
-from gateway.system.password_hash import password_line
-from tests.rig.sites import line, operator, starter, table
+from tests.rig.sites import PASSWORD_LINE, line, operator, starter, table
 from tests.store.golden.state import unpack_golden
 
-HASH = password_line("correct horse")
 CONFIG = (
     table("gateway", name="plant", state_dir="state")
     + table(
@@ -29,7 +27,7 @@ CONFIG = (
         ca_file="OUTSIDE/ca.pem",
     )
     + "[web]\n"
-    + table("[web.user]", name="ann", operator="alice", password=HASH)
+    + table("[web.user]", name="ann", operator="alice", password=PASSWORD_LINE)
     + line("hall")
     + starter("pump", 1, "ssw07")
     + starter("mill", 3, "ssw900")

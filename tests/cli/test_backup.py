@@ -23,8 +23,9 @@ from gateway.store.backup import found_versions
 from gateway.store.schema import HISTORY, SCHEMAS
 from gateway.system.clock import ClockReading
 from gateway.system.password_hash import unmatched_line
-from tests.cli.backup_site import HASH, lock_of, manifest_of, names_in
+from tests.cli.backup_site import lock_of, manifest_of, names_in
 from tests.rig import run_cli
+from tests.rig.sites import PASSWORD_LINE
 
 LATER = HISTORY._replace(steps=(*HISTORY.steps, lambda file: file.execute("CREATE TABLE more (number INT)")))
 
@@ -43,8 +44,8 @@ def test_a_backup_has_configuration_files_and_state_but_no_secret_unless_it_is_a
     assert set(names_in(backup)) == wanted
     assert set(names_in(full)) == wanted | {"config/secret/mqtt.password"}
     assert b"hunter2" not in gzip.decompress(backup.read_bytes())
-    assert HASH.encode() not in gzip.decompress(backup.read_bytes())
-    assert HASH.encode() in gzip.decompress(full.read_bytes())
+    assert PASSWORD_LINE.encode() not in gzip.decompress(backup.read_bytes())
+    assert PASSWORD_LINE.encode() in gzip.decompress(full.read_bytes())
     assert {path.stat().st_mode & 0o777 for path in (backup, full)} == {0o600}
     assert "holds passwords and keys" in out
     facts = manifest_of(backup)

@@ -10,10 +10,9 @@ import pytest
 from gateway.app.capacity import check_watchdogs
 from gateway.config.reading import parse
 from gateway.errors import ConfigError
-from gateway.system.password_hash import password_line
 from tests.config.sites import SITE, changed
+from tests.rig.sites import PASSWORD_LINE as LINE
 
-LINE = password_line("correct horse", salt=b"0123456789abcdef")
 USER = f'[[web.user]]\nname = "anna"\npassword = "{LINE}"\noperator = "alice"'
 ROW = '[[row]]\nfamily = "ssw07"\nname = "ramp"\ntitle = "A ramp"\nparameter = '
 MENU = '[[row]]\nfamily = "ssw900"\nname = "x"\ntitle = "X"\nwritable = true\nmin = 0\nmax = 1\nparameter = '

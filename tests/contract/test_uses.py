@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Set
+from functools import cache
 
 from gateway.contract import EventCode, ResultCode
 from gateway.contract.events import EVENTS
@@ -10,8 +11,7 @@ from gateway.contract.results import NOTES, RESULTS
 from gateway.contract.wording import names_in
 from tests.contract.uses import Use, uses
 
-USES = list(uses())
-EVENT_USES = [use for use in USES if use.table == "events"]
+used = cache(lambda: list(uses()))
 
 # By table, code and case: the fields that it must be given, and those that it may.
 TABLE: Mapping[tuple[str, str, str], tuple[Set[str], Set[str]]] = {
@@ -39,16 +39,16 @@ def is_right(use: Use) -> bool:
 
 
 def test_each_use_names_a_text_with_exactly_its_fields() -> None:
-    assert [use for use in USES if not is_right(use)] == []
-    assert len(USES) > 300
+    assert [use for use in used() if not is_right(use)] == []
+    assert len(used()) > 300
 
 
 def test_each_text_is_used() -> None:
-    assert TABLE.keys() - {(use.table, use.code, use.case) for use in USES} == set()
+    assert TABLE.keys() - {(use.table, use.code, use.case) for use in used()} == set()
 
 
 def test_a_severity_is_given_where_a_code_has_several_and_each_is_used() -> None:
     for code, meaning in EVENTS.items():
-        given = {use.severity for use in EVENT_USES if use.code == code}
+        given = {use.severity for use in used() if use.table == "events" and use.code == code}
         listed = {each.value for each in meaning.severities}
         assert given == {""} if len(listed) == 1 else "?" in given or given == listed, code

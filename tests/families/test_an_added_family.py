@@ -89,7 +89,7 @@ print("sets", source.is_source, *(step.request.encode().hex() for step in source
 
 def test_with_a_folder_and_a_file_it_is_a_family_like_any_other(tmp_path: Path) -> None:
     """In a copy of the gateway of which nothing else is touched: identified, read, watched and started."""
-    shutil.copytree(GATEWAY, tmp_path / "gateway", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(GATEWAY, tmp_path / "gateway")  # with its compiled modules
     families = tmp_path / "gateway" / "families"
     shutil.copytree(
         ACME, families / "profiles" / "acme", ignore=shutil.ignore_patterns("*.py", "__pycache__")
@@ -98,7 +98,7 @@ def test_with_a_folder_and_a_file_it_is_a_family_like_any_other(tmp_path: Path) 
     (tmp_path / "site.toml").write_text(SITE, "utf-8")
 
     def run(*args: str) -> str:
-        env = {**os.environ, "PYTHONPATH": str(tmp_path), "PYTHONDONTWRITEBYTECODE": "1"}
+        env = {**os.environ, "PYTHONPATH": str(tmp_path)}
         done = subprocess.run([sys.executable, *args], cwd=tmp_path, env=env, capture_output=True, text=True)
         assert done.returncode == 0, done.stdout + done.stderr
         return done.stdout

@@ -123,7 +123,7 @@ def test_sentences_appear_once_and_go_when_the_cable_is_repaired() -> None:
     assert line.run(0.3) == []
 
     assert len(line.gone) == len(line.appeared) == 1
-    assert line.run(24) == []
+    assert line.run(8) == []
     assert len(line.appeared) == 1
 
 

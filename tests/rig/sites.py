@@ -55,8 +55,8 @@ SITES = {"pump": SSW07, "fan": SSW06, "mill": SSW900, "belt": SST}  # by the sta
 ALICE = operator("alice")
 WEB = table("web", listen="127.0.0.1:8480")
 PASSWORD = "right"
-_LINE = "$scrypt$ln=10,r=8,p=1$AAAAAAAAAAAAAAAAAAAAAA$SRIuiwiFOhYpoLr809AJSZaSe9BE7MDdwoMsxwti8nE"
-LOGIN = table("[web.user]", name="anna", operator="alice", password=_LINE)  # Anna has Alice's rights
+PASSWORD_LINE = "$scrypt$ln=10,r=8,p=1$AAAAAAAAAAAAAAAAAAAAAA$SRIuiwiFOhYpoLr809AJSZaSe9BE7MDdwoMsxwti8nE"
+LOGIN = table("[web.user]", name="anna", operator="alice", password=PASSWORD_LINE)  # Anna has Alice's rights
 METRICS = table("metrics")
 HOME_ASSISTANT = table("homeassistant")
 SPARKPLUG = table("sparkplug", group="plant")

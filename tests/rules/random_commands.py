@@ -7,9 +7,11 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 from gateway.families.command.procedures import verbs
+from gateway.families.profile.load import load_profile
 from gateway.sim.core.power import MotorState
 from gateway.sim.sst.unit import Sst
 from gateway.sim.weg.common import Commanded
@@ -29,12 +31,17 @@ def is_driven(actor: Actor) -> bool:
     return motor.is_turned_on or motor.state is MotorState.JOG or bool(getattr(actor.unit, "phase", ""))
 
 
+@cache
+def some_codes(family: str) -> list[str]:
+    """Return the rows to choose from, those that can be written twice as often as the others."""
+    profile = load_profile(family)
+    writable = [row.code for row in profile.parameters.values() if row.is_writable and row.code not in DEADLY]
+    return [*writable, *writable, *profile.command_word, "VB07", "COIL1", "COIL2", "P220", "P500"]
+
+
 def some_args(actor: Actor, verb: str, dice: random.Random) -> dict[str, Any]:
     profile = actor.profile
-    writable = [row.code for row in profile.parameters.values() if row.is_writable and row.code not in DEADLY]
-    code = dice.choice(
-        [*writable, *writable, *profile.command_word, "VB07", "COIL1", "COIL2", "P220", "P500"]
-    )
+    code = dice.choice(some_codes(profile.family))
     match verb:
         case "general_enable" | "jog":
             return {"value": dice.random() < 0.6}

@@ -246,9 +246,9 @@ NOISE = [
     ),
     row(
         "noise on a whole line is named by the cable, and no address is accused",
-        given=EIGHT,
+        given=FOUR,
         at={3.1: impaired(Noisy(0.004))},
-        then={600.0: [event("cable"), never("gateway/event", code="address_conflict"), true_values]},
+        then={300.0: [event("cable"), never("gateway/event", code="address_conflict"), true_values]},
     ),
 ]
 

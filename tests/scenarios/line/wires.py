@@ -20,7 +20,6 @@ from tests.rig.sites import SSW07, line, starter
 TWO = SSW07 + starter("fan", 2, "ssw07")
 EIGHT = line() + "".join(starter(f"pump-{n}", n, "ssw07") for n in range(1, 9))
 STOP_07 = "05 00 64 00 00"  # coil 100 = 0
-JOG_OFF_07 = "05 00 66 00 00"
 START_07 = "05 00 64 ff 00"
 RUNNING_07, READY_07 = "VB01 = 0x5123", "VB01 = 0x4102"
 OCTET_S = 0.0006  # at 19200 bit/s

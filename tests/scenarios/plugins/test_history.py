@@ -2,16 +2,22 @@
 
 from __future__ import annotations
 
+import asyncio
+import json
+import random
 import re
 import sqlite3
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
 import comtrade
 import pytest
 
+from gateway.plugins.history.starts import CURVES
 from gateway.sim.core.power import MotorData
+from gateway.store import read_history
+from gateway.store.database import Database
 from tests.rig import (
     RigPlant,
     ScenarioRow,
@@ -36,6 +42,7 @@ from tests.scenarios.plugins.doors import BRISK, SLOW, that
 LIMITED = SSW07 + table("line.starter.rules", starts_per_hour=2, minimum_pause_s=10) + ALICE
 ONE = "starter/pump/start"
 VALUE = "starter/pump/value/"
+KILLS = 8
 
 
 def cycles(count: int, *, first_s: float = 3.0, every_s: float = 14.0, starter: str = "mill") -> dict:  # type: ignore[type-arg]
@@ -596,3 +603,61 @@ def test_a_motor_that_tripped_by_heat_starts_when_the_estimated_time_is_over() -
         assert learnt_s - tripped_s >= 50.0, "learnt from a fall of a minute"
         assert took_s == pytest.approx(estimate_s, rel=0.3, abs=70.0)
         assert plant.last("starter/pump/start")["outcome"] == "full_voltage"
+
+
+def kill_at_once(plant: RigPlant) -> None:
+    """Kill the gateway, and begin with the files as they were then: no thread has written anything more."""
+    state = plant.folder / "state"
+    files = {path: path.read_bytes() for path in state.iterdir() if path.is_file()}
+    plant.kill()
+    for path in filter(Path.is_file, state.iterdir()):
+        path.unlink()
+    for path, content in files.items():
+        if not path.name.endswith("-shm"):
+            path.write_bytes(content)
+    plant.start()
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_after_kills_at_any_transaction_each_start_was_published_and_is_stored_once(
+    seed: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    dice, transact = random.Random(seed), Database.transact
+    followers: list[Callable[[], object]] = []
+
+    def transacted(database: Database, *works: Any, **how: Any) -> list[Any]:
+        answers = transact(database, *works, **how)
+        for each in followers:
+            each()
+        return answers
+
+    monkeypatch.setattr(Database, "transact", transacted)
+    with RigPlant(SSW07 + ALICE, sim={"pump": QUICK}, seed=seed) as plant:
+        plant.run(until=4.0)
+        for _ in range(KILLS):
+            plant.command("pump/alice/start")
+            plant.run(until=plant.world.now_s() + 3.0)  # its record is made 3 s later
+            act(plant, dice.choice(("broker up", "broker up", "broker down")))
+            counted = asyncio.Semaphore(0)
+            followers[:] = [lambda counted=counted: plant.loop.call_soon(counted.release)]
+            for _ in range(dice.randint(1, 4)):  # to the outbox, to the history, to the counters
+                plant.await_(asyncio.wait([plant.loop.create_task(counted.acquire())], timeout=4.0))
+            followers.clear()
+            kill_at_once(plant)
+            act(plant, "broker up")
+            plant.run(until=plant.world.now_s() + 10.0)
+            plant.command("pump/alice/stop")
+            plant.run(until=plant.world.now_s() + 4.0)
+        plant.end()
+
+        payloads = {each.payload for each in plant.messages(ONE)}
+        ids = [json.loads(each)["id"] for each in sorted(payloads, key=lambda each: json.loads(each)["time"])]
+        rows = read_history(plant.folder / "state", "pump")
+        of = {
+            kind: [row for row in rows if row.kind == kind]
+            for kind in ("start", "curve", "month", "counters")
+        }
+        assert [row.id for row in of["start"]] == ids
+        assert {row.id for row in of["curve"]} == set(ids[-CURVES:])
+        assert sum(row.data["outcomes"]["full_voltage"] for row in of["month"]) == len(ids) > KILLS / 2
+        assert sum(row.data["totals"]["starts"] for row in of["counters"]) == len(ids)

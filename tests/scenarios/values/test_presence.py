@@ -105,7 +105,7 @@ REFUSALS = [
         at={5: refuse_rows("pump", {3}, for_s=900)},
         then={
             3000: msg(PUMP + "value/current", quality="bad"),
-            5500: msg(PUMP + "value/current", quality="good"),
+            3800: msg(PUMP + "value/current", quality="good"),
         },
     ),
     *(

@@ -11,7 +11,6 @@ from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, SSW06, SSW07, starter, table
 
 CURRENT = "starter/pump/value/current"
-FAST = SSW07.replace("every_s = 1.0", "every_s = 0.1")
 
 
 def _apart(topic: str, at_least_s: float, *, since: float, most_s: float = 1e9) -> Expectation:
