@@ -28,9 +28,7 @@ from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters import (
     Commands,
     Dispatcher,
-    KnownWatchdogs,
     Policy,
-    PublishedFaults,
     RunToken,
     Tokens,
     serve,
@@ -73,8 +71,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         rights=rights,
         records=records,
         documents=state.documents,
-        watchdogs=KnownWatchdogs(state.documents, in_thread=asyncio.to_thread),
-        published_faults=PublishedFaults(state.documents),
     )
     history = History(
         HistoryStore(site.state_dir / HISTORY_FILE),

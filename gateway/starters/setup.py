@@ -22,11 +22,11 @@ class StarterSetup:
     address: int  # 1..247
     profile: Profile
     variant: Variant  # what the configuration says of it; it wins over what the starter says
+    timing: LineTiming  # of its line
     every_s: float = 1.0  # status and electrical values; 0 = as often as the line allows
     response_time_s: float | None = None  # None: as the manual says
     is_enabled: bool = True
     watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
-    timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
     allowance_s: float = ALLOWANCE_S  # of its line: what adapter and machine add to a reply's way
     title: str | None = None  # for people; None: its name
     edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is ignored

@@ -16,7 +16,7 @@ from gateway.mqtt import DiskSync, Outbox, Publisher, message_of
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
 from gateway.starters import Policy, Readings, RunToken
-from gateway.store import HISTORY_FILE, STATE_FILE, HistoryStore, OutboxTable, Store
+from gateway.store import HISTORY_FILE, STATE_FILE, Documents, HistoryStore, OutboxTable, Store
 from gateway.store.schema import STATE
 from gateway.system.clock import SystemClock
 from gateway.system.supervised import on_this_loop
@@ -77,7 +77,9 @@ async def write(folder: Path, run: str) -> None:
             let_go=disk_sync.let_go,
         ),
         records=records,
-        policy=Policy(policy_of(config), STARTERS, rights=rights_of(config), records=records),
+        policy=Policy(
+            policy_of(config), STARTERS, rights=rights_of(config), records=records, documents=Documents()
+        ),
         publish_event=publish_event,
     )
     sink.others += [history, publisher]

@@ -12,6 +12,7 @@ from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteRegister
 from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.setup import StarterSetup
+from gateway.store import Documents
 
 OLD, NEW = {"P313": (2,), "P314": (30,)}, {"P313": (2,), "P314": (1,)}
 SET_NEW = Procedure((WriteStep(WriteRegister(314, 1)),), None)
@@ -29,10 +30,10 @@ class Deadlines:
 
 def watched(baud: int = 19200, count: int = 1) -> tuple[KnownWatchdogs, list[StarterSetup], Deadlines]:
     """Return starters whose watchdog of 30 s was read."""
-    watchdogs, line = KnownWatchdogs(), Deadlines()
+    watchdogs, line = KnownWatchdogs(Documents()), Deadlines()
     timing, profile = LineTiming(baud, Framing.parse("8N2")), load_profile("ssw07")
     setups = [
-        StarterSetup(f"pump-{n}", "pumps", n, profile, Variant(), timing=timing) for n in range(1, count + 1)
+        StarterSetup(f"pump-{n}", "pumps", n, profile, Variant(), timing) for n in range(1, count + 1)
     ]
     for setup in setups:
         given: Any = line

@@ -8,7 +8,6 @@ from gateway.line.capacity.deadline_check import (
     Limits,
     least_whole,
     missed_deadlines,
-    newly_missed,
     with_deadlines,
 )
 from gateway.line.capacity.line_forecast import Forecast, Missed, forecast

@@ -18,12 +18,9 @@ LONGEST_LIMIT_S = 1000  # beyond what any family's watchdog can be set to (P314,
 Limits = Mapping[int, float | None]  # by unit: the time of its watchdog in seconds; None or 0: it has none
 
 
-def missed_deadlines(
-    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, limits_s: Limits | None = None
-) -> tuple[Missed, ...]:
-    """Return the watchdogs that these polls would miss; `limits_s` go before the polls' own deadlines."""
-    asked = polls if limits_s is None else with_deadlines(polls, limits_s)
-    return forecast(asked, timing, allowance_s=allowance_s).missed
+def missed_deadlines(polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float) -> tuple[Missed, ...]:
+    """Return the watchdogs that these polls would miss."""
+    return forecast(polls, timing, allowance_s=allowance_s).missed
 
 
 def with_deadlines(polls: Sequence[Poll], limits_s: Limits) -> list[Poll]:
@@ -32,26 +29,6 @@ def with_deadlines(polls: Sequence[Poll], limits_s: Limits) -> list[Poll]:
         replace(poll, deadline_s=limits_s[poll.unit] or None) if poll.unit in limits_s else poll
         for poll in polls
     ]
-
-
-def newly_missed(
-    polls: Sequence[Poll], timing: LineTiming, *, allowance_s: float, before_s: Limits, after_s: Limits
-) -> tuple[Missed, ...]:
-    """Return the watchdogs that a change of limits would have the line miss; none for limits that only grow.
-
-    A watchdog that is missed already, and is not made shorter, speaks against no change.
-    """
-    shorter = {
-        unit for unit, limit_s in after_s.items() if limit_s and _is_shorter(limit_s, before_s.get(unit))
-    }
-    if not shorter:
-        return ()
-    missed = missed_deadlines(polls, timing, allowance_s=allowance_s, limits_s=after_s)
-    if not missed:
-        return ()
-    earlier = missed_deadlines(polls, timing, allowance_s=allowance_s, limits_s=before_s)
-    known = {each.unit for each in earlier} - shorter
-    return tuple(each for each in missed if each.unit not in known)
 
 
 def least_whole(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) -> float | None:
@@ -63,7 +40,3 @@ def least_whole(holds: Callable[[float], bool], *, most: int = LONGEST_LIMIT_S) 
         middle = (low + high) // 2
         low, high = (low, middle) if holds(middle) else (middle, high)
     return float(high)
-
-
-def _is_shorter(limit_s: float, before_s: float | None) -> bool:
-    return not before_s or limit_s < before_s

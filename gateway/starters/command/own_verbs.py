@@ -153,11 +153,11 @@ class OwnVerbs:
 
     # What is compared with later devices and later starts
 
-    def _accept(self, request: CommandRequest, _starter: StarterTelemetry) -> Deed:
+    def _accept(self, _request: CommandRequest, starter: StarterTelemetry) -> Deed:
         """Take the present device for the right one, for this run whether or not that can be stored."""
-        self.policy.identities.waiting(request.starter)
+        starter.contact.waiting()
         report: CommandReport = yield None
-        mismatch = self.policy.identities.accept(request.starter)
+        mismatch = starter.contact.accept()
         report.before, seen = mismatch.known.as_data(), mismatch.seen.as_data()
         if not (yield self.policy.identities.saved()):
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "identity"), seen, seen)

@@ -49,19 +49,16 @@ class Policy:
         *,
         rights: Rights,
         records: RecordWriter,
-        documents: Documents | None = None,
-        watchdogs: KnownWatchdogs | None = None,
-        published_faults: PublishedFaults | None = None,
+        documents: Documents,
     ) -> None:
         self.settings = settings
         self.rights = rights
         self.motor_history = MotorHistory(starters)
         self.rulebook = Rulebook(settings.rules, self.motor_history)
         self.selections = Selections()
-        documents = documents or Documents()
         self.identities = IdentityRegistry(records, documents)
-        self.published_faults = published_faults or PublishedFaults()
-        self.watchdogs = watchdogs or KnownWatchdogs()
+        self.published_faults = PublishedFaults(documents)
+        self.watchdogs = KnownWatchdogs(documents)
         self.write_budget = WriteBudget(records, documents)
         self.document = documents.open(LOCKS, MOTORS, self._stored)
         self.clock = records.clock

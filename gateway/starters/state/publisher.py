@@ -31,7 +31,7 @@ from gateway.contract import (
 from gateway.families import Profile, once_per_profile
 from gateway.starters.state.alarms import AlarmStatus
 from gateway.starters.state.decoding import deadbands_of, flags_of
-from gateway.starters.state.publication import REFRESH_S, STATE_EVERY_S, TICK_S, Published, due_values
+from gateway.starters.state.publication import STATE_EVERY_S, TICK_S, Published, due_values
 from gateway.starters.state.readings import good_values
 from gateway.starters.state.settled import FirstSeen
 from gateway.starters.state.starter_state import Happening, Happenings, StarterState
@@ -77,7 +77,7 @@ class StatePublisher(Emitter):
         *,
         faults: PublishedFaults,
         lock_of: LockOf,
-        refresh_s: float = REFRESH_S,
+        refresh_s: float,
         look: Callable[[], None],
     ) -> None:
         super().__init__(starter, records)
@@ -225,10 +225,8 @@ class PublishedFaults:
     lost by being counted as published. After a kill before that, the next run publishes it once more.
     """
 
-    def __init__(self, documents: Documents | None = None) -> None:
-        self._document = (documents or Documents()).open(
-            "faults", FAULTS, lambda: self._codes, delay_s=LASTING_S
-        )
+    def __init__(self, documents: Documents) -> None:
+        self._document = documents.open("faults", FAULTS, lambda: self._codes, delay_s=LASTING_S)
         self._codes = self._document.loaded or {}
 
     def of(self, starter: str) -> tuple[str, ...]:
