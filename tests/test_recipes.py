@@ -14,7 +14,7 @@ import pytest
 
 from gateway.contract import STOP, CommandRequest, Topics
 from gateway.mqtt.commands import Incoming, command_in
-from gateway.starters import RunToken, Tokens
+from gateway.starters import Tokens
 from gateway.starters.policy.freshness import ArrivalTime, dated
 
 NOW, NOW_S = "2026-11-21T01:02:03Z", 1_795_222_923.0
@@ -31,7 +31,7 @@ def examples(language: str) -> list[str]:
 
 def request(topic: str, payload: str) -> CommandRequest:
     """Return the command that a message is; it is fresh, or needs not be."""
-    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
+    tokens = Tokens("boot-1", draw=lambda: TOKEN)
     tokens.issue(7.0)
     address = Topics(BASE).parse_command(topic)
     assert address is not None

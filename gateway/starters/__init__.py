@@ -15,7 +15,6 @@ from gateway.starters.own_points import own_points as own_points_of
 from gateway.starters.policy.freshness import (
     BY_ISSUED_AT,
     MAX_AHEAD_S,
-    RunToken,
     Tokens,
     dated_alone,
 )

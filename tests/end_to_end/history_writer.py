@@ -15,7 +15,7 @@ from gateway.contract import EventRecord, Record, RecordWriter, Sink, StartRecor
 from gateway.mqtt import DiskSync, Outbox, Publisher, message_of
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.plugin import History
-from gateway.starters import Policy, Readings, RunToken
+from gateway.starters import Policy, Readings, Tokens
 from gateway.store import HISTORY_FILE, STATE_FILE, Documents, HistoryStore, OutboxTable, Store
 from gateway.store.schema import STATE
 from gateway.system.clock import SystemClock
@@ -64,7 +64,7 @@ async def write(folder: Path, run: str) -> None:
     publish_event = partial(records.event, "")
     store, topics = Store(folder / STATE_FILE, STATE), Topics("plant")
     outbox = Outbox(last_topic="", boot=run, utc_of=clock.utc_s)
-    publisher = Publisher(topics, RunToken(run), outbox, sink=sink, clock=clock)
+    publisher = Publisher(topics, Tokens(run), outbox, sink=sink, clock=clock)
     disk_sync = DiskSync(
         outbox, store, OutboxTable(), clock=clock, publish_event=publish_event, wake=publisher.wake
     )

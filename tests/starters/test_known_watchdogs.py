@@ -32,9 +32,7 @@ def watched(baud: int = 19200, count: int = 1) -> tuple[KnownWatchdogs, list[Sta
     """Return starters whose watchdog of 30 s was read."""
     watchdogs, line = KnownWatchdogs(Documents()), Deadlines()
     timing, profile = LineTiming(baud, Framing.parse("8N2")), load_profile("ssw07")
-    setups = [
-        StarterSetup(f"pump-{n}", "pumps", n, profile, Variant(), timing) for n in range(1, count + 1)
-    ]
+    setups = [StarterSetup(f"pump-{n}", "pumps", n, profile, Variant(), timing) for n in range(1, count + 1)]
     for setup in setups:
         given: Any = line
         watchdogs.add(setup, given)

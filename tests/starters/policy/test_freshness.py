@@ -12,7 +12,6 @@ from gateway.starters.policy.freshness import (
     BY_TOKEN,
     MAX_AHEAD_S,
     ArrivalTime,
-    RunToken,
     Tokens,
     dated,
 )
@@ -41,7 +40,7 @@ def test_no_start_of_another_time_is_ever_fresh(
     freshness: tuple[str, ...],
     doubt: str | None,
 ) -> None:
-    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
+    tokens = Tokens("boot-1", draw=lambda: TOKEN)
     tokens.issue(7.0)
     proof = Proof(token=token, issued_s=UTC_S - age_s, boot=boot, ttl_s=ttl_s)
 
@@ -63,7 +62,7 @@ def test_no_start_of_another_time_is_ever_fresh(
 def test_what_lacks_a_proof_reads_which_one_to_send(
     proof: Proof, freshness: str, doubt: str | None, missing: str
 ) -> None:
-    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
+    tokens = Tokens("boot-1", draw=lambda: TOKEN)
     tokens.issue(7.0)
 
     with pytest.raises(CommandError, match=missing):
