@@ -77,7 +77,6 @@ class Polling:
         self._setup = setup
         self._line = line
         self._state = ""  # of the starter, by which the pace is chosen
-        self._variant = setup.variant
         self._plan = blocks_of(setup, setup.variant)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
@@ -149,12 +148,6 @@ class Polling:
         for polled in self._polled.values():
             polled.last_s, polled.gap_s, polled.is_overdue, polled.refusals = None, None, False, 0
 
-    def set_every(self, every_s: float) -> None:
-        """Apply another period for the status and the electrical values."""
-        self._setup = replace(self._setup, every_s=every_s)
-        self._keep_pace()
-        self.replan(self._variant)  # extra points may be read otherwise
-
     def withdraw(self) -> None:
         """Ask for nothing any more."""
         self.is_withdrawn = True
@@ -168,10 +161,11 @@ class Polling:
         for block in self._plan:
             self._add(block)
 
-    def replan(self, variant: Variant) -> None:
-        """Ask for what a starter of this variant has."""
-        self._variant = variant
-        plan = blocks_of(self._setup, variant)
+    def replan(self, setup: StarterSetup, variant: Variant) -> None:
+        """Ask for what a starter of this variant has, as often as this set-up says."""
+        self._setup = setup
+        self._keep_pace()
+        plan = blocks_of(setup, variant)
         if plan != self._plan and not self.is_withdrawn:
             self._plan = plan
             self.restore()

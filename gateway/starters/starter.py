@@ -89,7 +89,7 @@ class StarterTelemetry:
         self.variant = setup.variant
         self.snapshot = Snapshot({})
         self.snapshot.state = unread(setup.profile, published_faults.of(setup.name))
-        self.emitter = self._publisher = StatePublisher(
+        self._publisher = StatePublisher(
             setup.name,
             records,
             setup.profile,
@@ -98,7 +98,8 @@ class StarterTelemetry:
             refresh_s=refresh_s,
             look=self._look,
         )
-        self.availability = Availability(self.emitter)
+        self.event = partial(records.event, setup.name)
+        self.availability = Availability(setup.name, records)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self.services: list[StarterService] = []
         self._clock = records.clock
@@ -165,7 +166,7 @@ class StarterTelemetry:
     def set_every(self, every_s: float) -> None:
         """Apply another period for the status and the electrical values."""
         self.setup = replace(self.setup, every_s=every_s)
-        self._polling.set_every(every_s)
+        self._polling.replan(self.setup, self.variant)
         self.watchdogs.add(self.setup, self.line)
 
     def set_refresh(self, refresh_s: float) -> None:
@@ -376,13 +377,13 @@ class StarterTelemetry:
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
         if not self.availability.is_online:
-            reason = self.availability.lost_reason
-            return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
+            gone = partial(phrase, EventCode.WENT_SILENT, "gone")
+            return gone(reason=self.availability.reason) if self.availability.was_lost else ""
         standing = self.contact.standing
         return standing.contradiction if standing.is_readable else standing.reason
 
     def _take_variant(self, variant: Variant) -> None:
         if variant != self.variant:
             self.variant = variant
-            self._polling.replan(variant)
+            self._polling.replan(self.setup, variant)
             self._polling.expedite()  # some rows mean something else now

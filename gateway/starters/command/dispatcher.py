@@ -113,7 +113,7 @@ class Dispatcher:
         starter = self.starters.get(result.starter)
         if starter is not None and may_be_written:
             outcome = end.reason.text
-            event = starter.emitter.event
+            event = starter.event
             event(EventCode.COMMAND_CUT_SHORT, client=client, id=id_, verb=verb, outcome=outcome)
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:

@@ -13,6 +13,7 @@ import asyncio
 import itertools
 from collections import deque
 from collections.abc import Iterable, Mapping
+from functools import partial
 from typing import Any
 
 from gateway.contract import EventCode, Severity, phrase
@@ -32,7 +33,7 @@ from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
-PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read what decides about a start
+PAUSES_S = (5.0, 30.0, 120.0)  # before each further attempt to read what decides about a start
 AFTER_WRITE_S = 1.0  # a command may write more
 EVERY_S = 60.0  # one block of the laps; an SSW900's settings are some 20 blocks
 FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
@@ -49,9 +50,8 @@ Words = tuple[int, ...]
 class SettingsWatch(StarterService):
     """Reads one starter while it answers, from the rows on that an earlier run has read."""
 
-    def __init__(self, starter: StarterTelemetry, *, every_s: float) -> None:
+    def __init__(self, starter: StarterTelemetry) -> None:
         self._starter = starter
-        self._every_s = every_s
         self._watched = watched_codes(starter.profile)
         recalled = starter.watchdogs.rows(starter.setup.name)
         self._known = {code: words for code, words in recalled.items() if code in self._watched}
@@ -75,21 +75,17 @@ class SettingsWatch(StarterService):
         for code in written:
             self._known.pop(code, None)
         if not written.isdisjoint(diagnosis.readiness_codes(profile)):
-            self._readiness.begin(self._look_after_write)
+            self._readiness.begin(partial(self._look_until_read, after_s=AFTER_WRITE_S))
 
     async def close(self) -> None:
         """Read nothing more."""
         await self._readiness.close()
         await self._patrol.close()
 
-    async def _look_after_write(self) -> None:
-        await asyncio.sleep(AFTER_WRITE_S)
-        await self._look_until_read()
-
-    async def _look_until_read(self) -> None:
+    async def _look_until_read(self, *, after_s: float = 0.0) -> None:
         """Read what decides about a start, ever less often until the rows of the watchdog are known."""
         starter = self._starter
-        for pause_s in itertools.chain(PAUSES_S, itertools.repeat(PAUSES_S[-1])):
+        for pause_s in itertools.chain((after_s, *PAUSES_S), itertools.repeat(PAUSES_S[-1])):
             await asyncio.sleep(pause_s)
             if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
                 return  # its next identification begins this again
@@ -107,7 +103,7 @@ class SettingsWatch(StarterService):
                 return
 
     async def _walk(self) -> None:
-        every_s, now_s = min(FIRST_LAP_EVERY_S, self._every_s), asyncio.get_running_loop().time
+        every_s, now_s = FIRST_LAP_EVERY_S, asyncio.get_running_loop().time
         vital = diagnosis.watchdog_codes(self._starter.profile)
         while self._watched:
             for code in [code for code, at_s in self._refused_s.items() if now_s() - at_s >= REFUSED_FOR_S]:
@@ -126,7 +122,7 @@ class SettingsWatch(StarterService):
                 self._refused_s |= dict.fromkeys(found.refused, now_s())
                 if self._note_reading(found.rows):
                     self._readiness.begin(self._look_until_read)
-            every_s = self._every_s
+            every_s = EVERY_S
 
     def _note_reading(self, rows: Mapping[str, Words]) -> bool:
         """Take settings that were just read; publish those that have changed, and return whether one has."""
@@ -142,7 +138,7 @@ class SettingsWatch(StarterService):
         old, new = (
             entries_of(starter.profile, starter.variant, {code: words})[code] for words in (before, after)
         )
-        starter.emitter.event(
+        starter.event(
             EventCode.PARAMETER_CHANGED,
             parameter=code,
             name=old.name,
@@ -166,7 +162,7 @@ class SettingsWatch(StarterService):
         if not findings or not self._published.is_new(said):
             return
         problems = "; ".join(each.text for each in findings if each.weight is not Weight.NOTE)
-        starter.emitter.event(
+        starter.event(
             EventCode.READINESS,
             severity=_SEVERITIES[findings[0].weight],  # errors come first
             would_refuse_start=diagnosis.refuses_start(findings),

@@ -15,7 +15,7 @@ from gateway.starters.state.decoding import (
     unit_of,
 )
 from gateway.starters.state.publication import REFRESH_S, SOONEST_S
-from gateway.starters.state.publisher import Emitter, LockOf, PublishedFaults, StatePublisher
+from gateway.starters.state.publisher import LockOf, PublishedFaults, StatePublisher
 from gateway.starters.state.readings import (
     NO_POINTS,
     Moment,

@@ -17,7 +17,7 @@ from gateway.line import Priority
 from gateway.modbus import Request
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.starter import StarterTelemetry
-from gateway.starters.state import Emitter, Snapshot
+from gateway.starters.state import Snapshot
 
 
 class StopAddressee:
@@ -25,6 +25,7 @@ class StopAddressee:
 
     def __init__(self, starter: StarterTelemetry) -> None:
         self._starter = starter
+        self.event = starter.event
         self._rows = Snapshot({})  # what was read in another family's words: not for publishing
 
     def note(self, spoken: Collection[str]) -> Note | None:
@@ -51,11 +52,6 @@ class StopAddressee:
     def snapshot(self) -> Snapshot:
         """What was read of it last, by the rows of the family that is spoken to."""
         return self._rows if self.is_other else self._starter.snapshot
-
-    @property
-    def emitter(self) -> Emitter:
-        """The starter's records."""
-        return self._starter.emitter
 
     def ask(self, request: Request, *, lane: Priority, until_s: float = inf) -> Asked:
         """Send a request, with the times of the family that is spoken to."""

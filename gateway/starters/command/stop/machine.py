@@ -235,7 +235,7 @@ class Stopping:
         note = self._starter.note(self.frames.facts.families)
         ends = [(order, end.noted(note)) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
-            self._starter.emitter.event(
+            self._starter.event(
                 EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.reason.code, outcome=end.reason.text
             )
         for order, end in ends:
