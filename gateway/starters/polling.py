@@ -231,7 +231,7 @@ class Polling:
                 self._line.set_every(key, every_s)
 
     def _every_s(self, block: reading.Block) -> float:
-        every_s = self._setup.period_of(block)
+        every_s = block.period_s(self._setup.every_s)
         if self._state in BUSY_STATES and block.group in (reading.STATUS, reading.VALUES):
             return min(every_s, FAST_S)
         is_slower = self._state in IDLE_STATES and block.group == reading.VALUES

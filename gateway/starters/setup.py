@@ -41,10 +41,6 @@ class StarterSetup:
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
 
-    def period_of(self, block: reading.Block) -> float:
-        """Return how often a block is read, whatever the state of the motor."""
-        return block.period_s(self.every_s)
-
     def key_of(self, block: reading.Block) -> str:
         """Return the key of a block's poll."""
         edition = f"/{self.edition}" if self.edition else ""
@@ -75,7 +71,8 @@ def blocks_of(setup: StarterSetup, variant: Variant) -> tuple[reading.Block, ...
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
     """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
     return tuple(
-        setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks_of(setup, setup.variant)
+        setup.poll_of(block, every_s=block.period_s(setup.every_s))
+        for block in blocks_of(setup, setup.variant)
     )
 
 

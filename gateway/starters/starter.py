@@ -87,8 +87,7 @@ class StarterTelemetry:
         self.setup = setup
         self.line = line
         self.variant = setup.variant
-        self.snapshot = Snapshot({})
-        self.snapshot.state = unread(setup.profile, published_faults.of(setup.name))
+        self.snapshot = Snapshot(unread(setup.profile, published_faults.of(setup.name)))
         self._publisher = StatePublisher(
             setup.name,
             records,

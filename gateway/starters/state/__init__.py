@@ -28,4 +28,12 @@ from gateway.starters.state.readings import (
     stale,
 )
 from gateway.starters.state.snapshot import Snapshot
-from gateway.starters.state.starter_state import UNKNOWN, Happening, Happenings, NewReadings, advance, unread
+from gateway.starters.state.starter_state import (
+    UNKNOWN,
+    Happening,
+    Happenings,
+    NewReadings,
+    StarterState,
+    advance,
+    unread,
+)

@@ -210,13 +210,9 @@ class PublishedFaults:
 
     def note(self, starter: str, codes: tuple[str, ...]) -> None:
         """Record the fault that stands and was published; empty when there is none."""
-        if self.of(starter) == codes:
-            return
-        if codes:
+        if self.of(starter) != codes:
             self._codes[starter] = codes
-        else:
-            del self._codes[starter]
-        self._document.touch()
+            self._document.touch()
 
 
 @once_per_profile
