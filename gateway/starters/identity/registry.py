@@ -60,10 +60,6 @@ class IdentityRegistry:
             configured_model=mismatch.configured,
         )
 
-    def store(self) -> None:
-        """Store what is known now, in the background."""
-        self._document.touch()
-
     async def saved(self) -> bool:
         """Return whether what is known now is on disk."""
         return await self._document.saved()
