@@ -15,10 +15,10 @@ from typing import assert_never
 
 from gateway.contract import CommandError, EventCode, RecordWriter, phrase
 from gateway.errors import PortLostError
-from gateway.families import Identity, Profile, Read, Variant, reading
+from gateway.families import Identity, Profile, Variant, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
-from gateway.starters.bulk_read import BulkReading, read_in_bulk
+from gateway.starters.bulk_read import BulkReading, read_in_bulk, short_reads
 from gateway.starters.description import info_of
 from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
 from gateway.starters.known_watchdogs import KnownWatchdogs
@@ -142,10 +142,11 @@ class StarterTelemetry:
             asked.add_done_callback(lambda _: self._note_written(request))
         return asked
 
-    async def read_rows(self, reads: Iterable[Read]) -> BulkReading | None:
+    async def read_rows(self, codes: Iterable[str]) -> BulkReading | None:
         """Read rows for which everything else goes first; return None when that fails: polls say why."""
+        asked, reads = partial(self.ask, lane=Priority.PATROL), short_reads(self.profile, codes)
         try:
-            found = await read_in_bulk(partial(self.ask, lane=Priority.PATROL), self.profile, reads, tries=1)
+            found = await read_in_bulk(asked, self.profile, reads, tries=1)
         except (CommandError, PortLostError) as error:
             logger.debug("starter=%s not read in the background: %s", self.setup.name, error)
             return None

@@ -19,9 +19,9 @@ from math import inf
 
 from gateway.contract import CommandError, RecordWriter, ResultCode
 from gateway.errors import PortLostError
-from gateway.families import Identity, Profile, Question, device_of, diagnosis, reading
+from gateway.families import Identity, Profile, Question, device_of, diagnosis
 from gateway.line import Garbled, LineClient, Outcome, Priority, Silent
-from gateway.starters.bulk_read import read_in_bulk
+from gateway.starters.bulk_read import read_in_bulk, short_reads
 from gateway.starters.identity.fingerprint import IdentityMismatch
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.identity.standing import (
@@ -110,7 +110,7 @@ class Contact:
     async def _meet(self, lane: Priority) -> None:
         """Read the watchdog, then ask until the device is identified."""
         profile = self._setup.profile
-        reads = reading.bulk_reads(profile, device_of(profile).watchdog_rows)
+        reads = short_reads(profile, device_of(profile).watchdog_rows)
         with suppress(CommandError, PortLostError):  # it is read again with the other settings
             asked = partial(ask, self._line, self._setup, lane=lane)
             self._on_rows((await read_in_bulk(asked, profile, reads, tries=1)).rows)

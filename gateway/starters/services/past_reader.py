@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 from gateway.contract import EventCode
-from gateway.families import Profile, decode, reading
+from gateway.families import Profile, decode
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.services.settings import LONGEST_BLOCK, SettingsWatch
+from gateway.starters.services.settings import SettingsWatch
 from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.starters.state import Happening, Happenings
 from gateway.system.supervised import SupervisedTask
@@ -105,9 +105,7 @@ class PastReader(StarterService):
     async def _read(self, codes: Iterable[str]) -> dict[str, ParameterEntry]:
         """Return these rows as far as they are given; none when the starter cannot be asked now."""
         starter = self._starter
-        longest = min(LONGEST_BLOCK, starter.profile.limits.read_registers)
-        reads = reading.bulk_reads(starter.profile, codes, longest=longest)
-        found = await starter.read_rows(reads) if starter.is_identified else None
+        found = await starter.read_rows(codes) if starter.is_identified else None
         return {} if found is None else entries_of(starter.profile, starter.variant, found.rows)
 
 

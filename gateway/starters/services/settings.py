@@ -12,7 +12,7 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from functools import partial
 from typing import Any
 
@@ -20,13 +20,13 @@ from gateway.contract import EventCode, Severity, phrase
 from gateway.families import (
     Parameter,
     Profile,
-    Read,
     Weight,
     diagnosis,
     once_per_profile,
     reading,
 )
 from gateway.modbus import Request
+from gateway.starters.bulk_read import short_reads
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.starter import StarterService, StarterTelemetry
@@ -38,7 +38,6 @@ AFTER_WRITE_S = 1.0  # a command may write more
 EVERY_S = 60.0  # one block of the laps; an SSW900's settings are some 20 blocks
 FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
 REFUSED_FOR_S = 3600.0
-LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so no stop waits longer
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 
 IDENTIFIED = (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
@@ -90,7 +89,7 @@ class SettingsWatch(StarterService):
             if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
                 return  # its next identification begins this again
             codes, began_s = diagnosis.readiness_codes(starter.profile), asyncio.get_running_loop().time()
-            found = await starter.read_rows(reading.bulk_reads(starter.profile, codes))
+            found = await starter.read_rows(codes)
             if found is None:
                 continue
             # On some of them hangs what is permitted, and no poll reads those.
@@ -109,14 +108,14 @@ class SettingsWatch(StarterService):
             for code in [code for code, at_s in self._refused_s.items() if now_s() - at_s >= REFUSED_FOR_S]:
                 del self._refused_s[code]
             codes = [code for code in self._watched if code not in self._refused_s or code in vital]
-            reads = deque(_planned(self._starter.profile, codes))
+            reads = deque(short_reads(self._starter.profile, codes))
             if not reads:  # each row was refused
                 await asyncio.sleep(REFUSED_FOR_S)
             while reads:
                 await asyncio.sleep(every_s)
                 if not self._starter.is_identified:
                     continue
-                found = await self._starter.read_rows([reads.popleft()])
+                found = await self._starter.read_rows(reads.popleft().codes)
                 if found is None:
                     continue
                 self._refused_s |= dict.fromkeys(found.refused, now_s())
@@ -182,10 +181,6 @@ class SettingsWatch(StarterService):
 def watched_codes(profile: Profile) -> Mapping[str, Parameter]:
     """Return the settings of a family that change only when somebody sets them, by code."""
     return {c: row for c, row in profile.parameters.items() if reading.is_set_by_people(profile, row)}
-
-
-def _planned(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
-    return reading.bulk_reads(profile, codes, longest=min(LONGEST_BLOCK, profile.limits.read_registers // 2))
 
 
 def _watchdog_trouble(profile: Profile, refused: Mapping[str, str]) -> str:
