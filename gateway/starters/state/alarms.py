@@ -7,6 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.families import Alarm
@@ -75,19 +76,8 @@ def _raised(alarm: Alarm, earlier: AlarmStatus | None, time_s: float) -> AlarmSt
 
 def _event(known: AlarmStatus) -> Event:
     alarm = known.alarm
+    said = partial(event_of, alarm=alarm.code, severity_=alarm.severity, count=known.count)
     if not known.is_active:
-        return event_of(
-            EventCode.CLEARED,
-            alarm=alarm.code,
-            severity_=alarm.severity,
-            count=known.count,
-            title=alarm.title,
-        )
-    return event_of(
-        EventCode.ALARM,
-        severity=Severity.ERROR if known.is_fault else Severity.WARNING,
-        alarm=alarm.code,
-        severity_=alarm.severity,
-        count=known.count,
-        title=named([known]),
-    )
+        return said(EventCode.CLEARED, title=alarm.title)
+    severity = Severity.ERROR if known.is_fault else Severity.WARNING
+    return said(EventCode.ALARM, severity=severity, title=named([known]))

@@ -67,7 +67,7 @@ SETS = [
         PUMP,
         cli(SAVED),
         cli(SAVED, code=2, err="pump.toml exists already"),
-        file_has("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', "P003 = { ", "P314 = { "),
+        file_has("pump.toml", 'family = "ssw07"', 'model = "SSW-07 85.0A"', 'label = "Serial"', "P314 = { "),
     ),
     row(
         "a row that the starter refuses is noted",
@@ -247,7 +247,7 @@ FILES = [
         ("diff a.toml b.toml", 1, re.compile("^P314 : 3 -> 5\n$"), ""),
         ("diff a.toml a.toml", 0, re.compile("^no setting differs between a.toml and a.toml\n$"), ""),
         ("diff a.toml read.toml", 0, "read.toml (--all shows 2 rows that can only be read)\n", ""),
-        ("diff a.toml a.toml --all", 0, (), ""),
+        ("diff a.toml read.toml --all", 1, re.compile("^P003 : not there -> 12.0\n"), ""),
         ("diff new.toml --factory", 0, "as delivered: P220, P314\n", ""),
         ("diff used.toml --factory", 1, re.compile(r"^P220 .*: 2 \(.*-> .*\nas delivered: P314\n$"), ""),
         ("diff a.toml", 2, "", "name a second set"),
