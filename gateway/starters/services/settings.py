@@ -14,6 +14,7 @@ import itertools
 from collections import deque
 from collections.abc import Mapping
 from functools import partial
+from math import inf
 from typing import Any
 
 from gateway.contract import EventCode, Severity, phrase
@@ -36,7 +37,7 @@ from gateway.system.supervised import SupervisedTask
 PAUSES_S = (5.0, 30.0, 120.0)  # before each further attempt to read what decides about a start
 AFTER_WRITE_S = 1.0  # a command may write more
 EVERY_S = 60.0  # one block of the laps; an SSW900's settings are some 20 blocks
-FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
+FIRST_LAP_EVERY_S = 10.0  # at first, and after each silence: changes are to be noticed soon
 REFUSED_FOR_S = 3600.0
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 
@@ -58,14 +59,11 @@ class SettingsWatch(StarterService):
         self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
         self._patrol = SupervisedTask(f"keypad {starter.setup.name}")
-        self._is_walking = False
 
     def begin(self) -> None:
-        """Look at the readiness, and go on with the laps."""
+        """Look at the readiness, and begin with the laps."""
         self._readiness.begin(self._look_until_read)
-        if not self._is_walking:
-            self._is_walking = True
-            self._patrol.begin(self._walk)
+        self._patrol.begin(self._walk)
 
     def note_written(self, request: Request) -> None:
         """Forget the rows that the gateway has written; look at the readiness if it hangs on them."""
@@ -105,16 +103,15 @@ class SettingsWatch(StarterService):
         every_s, now_s = FIRST_LAP_EVERY_S, asyncio.get_running_loop().time
         vital = diagnosis.watchdog_codes(self._starter.profile)
         while self._watched:
-            for code in [code for code, at_s in self._refused_s.items() if now_s() - at_s >= REFUSED_FOR_S]:
-                del self._refused_s[code]
-            codes = [code for code in self._watched if code not in self._refused_s or code in vital]
+            since_s = now_s() - REFUSED_FOR_S
+            codes = [c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s]
             reads = deque(short_reads(self._starter.profile, codes))
             if not reads:  # each row was refused
                 await asyncio.sleep(REFUSED_FOR_S)
             while reads:
                 await asyncio.sleep(every_s)
                 if not self._starter.is_identified:
-                    continue
+                    return  # its next identification begins this again
                 found = await self._starter.read_rows(reads.popleft().codes)
                 if found is None:
                     continue
