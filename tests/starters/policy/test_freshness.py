@@ -47,23 +47,3 @@ def test_no_start_of_another_time_is_ever_fresh(
     with pytest.raises(CommandError) as caught:
         dated(start(proof), freshness=freshness, tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))
     assert caught.value.code in ("expired", "not_fresh", "wrong_boot")
-
-
-@pytest.mark.parametrize(
-    ("proof", "freshness", "doubt", "missing"),
-    [
-        (Proof(), BY_TOKEN, None, "neither token nor issued_at"),
-        (Proof(token="old"), BY_TOKEN, None, "the token is not known"),
-        (Proof(issued_s=UTC_S), BY_TOKEN, "the clock was set", "the clock was set; send the token"),
-        (Proof(token=TOKEN), BY_ISSUED_AT, None, "need issued_at; send it"),
-        (Proof(token=TOKEN), BY_ISSUED_AT, "the clock was set", "need issued_at, but the clock was set"),
-    ],
-)
-def test_what_lacks_a_proof_reads_which_one_to_send(
-    proof: Proof, freshness: str, doubt: str | None, missing: str
-) -> None:
-    tokens = Tokens("boot-1", draw=lambda: TOKEN)
-    tokens.issue(7.0)
-
-    with pytest.raises(CommandError, match=missing):
-        dated(start(proof), freshness=(freshness,), tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))

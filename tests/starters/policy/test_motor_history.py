@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
 import pytest
-from pydantic import ValidationError
 
 from gateway.contract import LockRecord
 from gateway.starters.policy.motor_history import MOST_STARTS, MOTORS, MotorHistory
@@ -109,21 +105,3 @@ def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> N
     new.note_state("a", "ready", now_s=9.0)
 
     assert new.standing_since("a") == 9.0
-
-
-PAGE: dict[str, Any] = {"starts": [], "moving": None, "standing_since": None, "lock": None}
-AT = {"up_s": 1.0, "utc_s": 2.0, "boot_id": "b"}
-
-
-@pytest.mark.parametrize(
-    "document",
-    [
-        {"at": AT, "starters": {"a": {}}},
-        {"at": AT, "starters": {"a": {**PAGE, "starts": [float("nan")]}}},
-        {"at": AT, "starters": {"a": {**PAGE, "lock": {"by": "x"}}}},
-        {"at": AT, "starters": {"a": {**PAGE, "more": 1}}},
-    ],
-)
-def test_what_is_not_what_was_stored_is_damaged(document: dict[str, Any]) -> None:
-    with pytest.raises(ValidationError):
-        MOTORS.validate_json(json.dumps(document))
