@@ -19,7 +19,7 @@ so much. Of several the earliest counts.
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -33,10 +33,6 @@ _TOKEN_BYTES = 12
 BY_TOKEN, BY_ISSUED_AT = "token", "issued_at"  # `freshness` of an operator
 
 
-def _draw() -> str:
-    return secrets.token_urlsafe(_TOKEN_BYTES)
-
-
 class Tokens:
     """The tokens of the last MAX_TTL_S; a lost connection or a standstill invalidates them.
 
@@ -44,9 +40,8 @@ class Tokens:
     are invalidated.
     """
 
-    def __init__(self, run: str, *, draw: Callable[[], str] = _draw) -> None:
+    def __init__(self, run: str) -> None:
         self.run = run
-        self._draw = draw
         self._boots = 1  # so far
         self._connected_s: float | None = None
         self._made: dict[str, tuple[float, str]] = {}  # token: when, and the boot of then; oldest first
@@ -82,7 +77,7 @@ class Tokens:
         for token, (made_s, _) in list(islice(self._made.items(), 2)):  # more go than come
             if now_s - made_s > MAX_TTL_S + EVERY_S:
                 del self._made[token]
-        token = self._draw()
+        token = secrets.token_urlsafe(_TOKEN_BYTES)
         self._made[token] = now_s, self.boot
         return token
 
