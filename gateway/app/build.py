@@ -27,8 +27,8 @@ from gateway.plugins.history.plugin import History
 from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters import (
     Commands,
-    Dispatcher,
     Policy,
+    Proofs,
     Tokens,
     serve,
 )
@@ -108,26 +108,25 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     health.reconfigure(plant.lines.values(), site)
 
     # Commands: from the broker's topics, from plugins, and by the page.
-    dispatcher = Dispatcher(
-        plant.starters,
-        records=records,
-        journal=state.commands,
-        policy=policy,
-        stood_still_s=suspend_watch.ended_s,
-        set_baseline=history.set_baseline,
-        on_stop=uplink.renew_token,
-    )
-    commands = Commands(
-        dispatcher,
-        tokens,
+    proofs = Proofs(
+        tokens=tokens,
         clock=clock,
         clock_watch=clock_watch,
         suspend_watch=suspend_watch,
         restate=uplink.restate,
         publish_event=publish_event,
     )
-    incoming = IncomingCommands(commands, dispatcher=dispatcher, clock=clock, publish_event=publish_event)
-    inbox = Inbox(uplink.topics, take=incoming.take, refuse=dispatcher.refuse_unread, now_s=clock.now_s)
+    commands = Commands(
+        starters=plant.starters,
+        policy=policy,
+        proofs=proofs,
+        records=records,
+        journal=state.commands,
+        set_baseline=history.set_baseline,
+        on_stop=uplink.renew_token,
+    )
+    incoming = IncomingCommands(commands, clock=clock, publish_event=publish_event)
+    inbox = Inbox(uplink.topics, take=incoming.take, refuse=commands.refuse_unread, now_s=clock.now_s)
     uplink.connect(site, on_incoming=inbox.put, on_link=health.note_link)
 
     # The plugins see the gateway through one object; each runs while the configuration wants it.
@@ -143,7 +142,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
         latest=latest,
         commands=commands,
-        dispatcher=dispatcher,
         tokens=tokens,
         policy=policy,
         documents=state.documents,
@@ -168,7 +166,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         RecordLog(clock),
         history,  # makes starts and trips of readings and records
         uplink.publisher,
-        commands,  # who sent a command may follow its results
+        commands.followers,  # who sent a command may follow its results
         latest,
         uplink.leftovers,
         *plugins,
@@ -184,7 +182,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         plant=plant,
         host=host,
         health=health,
-        dispatcher=dispatcher,
         commands=commands,
         capture=CaptureSocket(socket_path(config, site.folder), plant.lines, host.capture, clock),
         plugins=tuple(plugins),

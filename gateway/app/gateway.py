@@ -33,7 +33,7 @@ from gateway.contract import EventCode, PublishEvent, event_of
 from gateway.errors import ConfigError, Problem
 from gateway.line import LineHost
 from gateway.plugins.history.plugin import History
-from gateway.starters import Commands, Dispatcher, KnownWatchdogs, Policy
+from gateway.starters import Commands, KnownWatchdogs, Policy
 from gateway.store import StateStore
 from gateway.system.clock import ClockWatch
 from gateway.system.gc_tuning import spare_what_lives
@@ -60,7 +60,6 @@ class App:
     plant: Plant
     host: LineHost
     health: Health
-    dispatcher: Dispatcher
     commands: Commands
     capture: CaptureSocket
     plugins: tuple[PluginRunner, ...]
@@ -75,13 +74,13 @@ class App:
                 ("publisher", self.uplink.publisher.run),
                 ("broker", self.uplink.run),
                 ("outbox", self.uplink.disk_sync.run),
-                ("commands", self.commands.run),
+                ("commands", self.commands.proofs.run),
                 ("capture", self.capture.run),
                 *((each.name, each.run) for each in self.plugins),
             )
         ]
         await self.host.start()  # before all else: the starters' watchdogs run
-        self.state.start(__version__, on_recalled=self.dispatcher.recall)
+        self.state.start(__version__, on_recalled=self.commands.recall)
         history = asyncio.create_task(self.history.run())
         await self.plant.start()
         self._is_up.set()
@@ -96,7 +95,7 @@ class App:
         """End in order: commands, lines, starters, then everything that stores, and the connection last."""
         log.info("ending: %s", reason)
         await self._announce_end(reason)
-        await self.dispatcher.close()
+        await self.commands.close()
         await self.host.stop()
         self.plant.end(f"the gateway ended: {reason}")  # published while all that follows is done
         await self.plant.close()
@@ -130,7 +129,7 @@ class App:
             raise ConfigError(str(site.folder), problems)
         changes = changes_of(before, site.config)
         await self._is_up.wait()
-        await self.dispatcher.settle(changes.starters_gone, within_s=SETTLE_S)
+        await self.commands.under_way.settle(changes.starters_gone, within_s=SETTLE_S)
         ended = self._reconfigure(site, changes)
         self.publish_event(EventCode.RELOADED, **changes.to_dict())
         await ended
@@ -153,7 +152,7 @@ class App:
             self.plant.starters[name].republish_state()
         self.history.reconfigure(setups_in(config), changed=changes.starters_gone, traced=config.traced)
         self.health.reconfigure(self.plant.lines.values(), site)
-        self.dispatcher.reopen()
+        self.commands.under_way.reopen()
         self.capture.lines = tuple(self.plant.lines)
         for plugin in self.plugins:
             plugin.reconfigure(site)

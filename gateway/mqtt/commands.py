@@ -21,7 +21,7 @@ from gateway.contract import (
     read_body,
     shortened,
 )
-from gateway.starters import Commands, Dispatcher
+from gateway.starters import Commands
 from gateway.system.clock import Clock
 from gateway.system.rate_limits import Damped
 
@@ -113,12 +113,10 @@ class IncomingCommands:
         self,
         commands: Commands,
         *,
-        dispatcher: Dispatcher,
         clock: Clock,
         publish_event: PublishEvent,
     ) -> None:
         self._commands = commands
-        self._dispatcher = dispatcher
         self._publish_event = publish_event
         self._malformed = Damped(self._publish_malformed, clock=clock, every_s=MALFORMED_EVERY_S)
 
@@ -127,8 +125,7 @@ class IncomingCommands:
 
         `address` is what its topic says, `received_s` its arrival on the steady clock.
         """
-        self._commands.look()
-        received = command_in(address, incoming, received_s, verb_error=self._dispatcher.verb_error)
+        received = command_in(address, incoming, received_s, verb_error=self._commands.verb_error)
         self._commands.submit(received.request, received.refusal)
         if received.refusal is not None and received.problem:
             malformed = (received.problem, shortened(incoming.topic, 120), received.refusal.text)

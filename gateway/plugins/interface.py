@@ -11,7 +11,7 @@ from gateway.config import Config
 from gateway.contract import Latest, PublishEvent, Record, RecordWriter
 from gateway.line import LineClient
 from gateway.mqtt import Message
-from gateway.starters import Commands, Dispatcher, Policy, StarterTelemetry, Tokens
+from gateway.starters import Commands, Policy, StarterTelemetry, Tokens
 from gateway.store import Documents, HistoryRow
 from gateway.system.clock import Clock
 from gateway.system.stalls import LagMeter
@@ -107,7 +107,6 @@ class Gateway:
     publish_event: PublishEvent
     latest: Latest
     commands: Commands
-    dispatcher: Dispatcher  # what would be refused now
     tokens: Tokens
     policy: Policy
     documents: Documents

@@ -7,7 +7,7 @@ but for the namespace `parameters`: sets of settings, for the command line.
 
 from gateway.starters import parameters
 from gateway.starters.bulk_read import Ask, read_in_bulk
-from gateway.starters.command import Commands, Dispatcher, Results
+from gateway.starters.command import Commands, Proofs, Results
 from gateway.starters.identity import FINGERPRINTS, KNOWN, identified, mismatch_in
 from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.own_points import OWN_POINT_NAMES, PublicationPace

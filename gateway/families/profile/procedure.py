@@ -1,4 +1,4 @@
-"""A command as a list of steps that the dispatcher carries out, or the reason why there is none: data."""
+"""A command as a list of steps that are carried out, or the reason why there is none: data."""
 
 from __future__ import annotations
 

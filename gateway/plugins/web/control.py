@@ -46,7 +46,7 @@ class Control:
     def token(self) -> str:
         """Return a proof of freshness that is at most a second old, and younger than the latest stop."""
         gateway, now_s = self._gateway, self._gateway.clock.now_s()
-        is_old = now_s - self._token_s >= EVERY_S or self._token_s < gateway.dispatcher.stopped_s()
+        is_old = now_s - self._token_s >= EVERY_S or self._token_s < gateway.commands.under_way.stopped_s()
         if is_old or gateway.tokens.made_s(self._token) is None:
             self._token, self._token_s = gateway.tokens.issue(now_s), now_s
         return self._token
@@ -101,7 +101,7 @@ class Control:
             args = sample_args(family, verb)
         now_s = self._gateway.clock.now_s()
         request = CommandRequest(starter, client, verb, id="-", args=args, received_s=now_s, source=WEB)
-        return self._gateway.dispatcher.objection(request)
+        return self._gateway.commands.objection(request)
 
 
 def rows_of(profile: Profile, variant: Variant) -> Iterator[dict[str, Any]]:

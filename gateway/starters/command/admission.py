@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from gateway.contract import CANCEL, OWN_VERBS, SELECT, STOP, CommandError, CommandRequest, ResultCode
 from gateway.families import Preparation, command
+from gateway.starters.command.proofs import Proofs
 from gateway.starters.command.run.decision import demand_identified
 from gateway.starters.policy.policy import Guard, Policy
 from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked
@@ -19,28 +20,37 @@ class Admission:
 
     starters: Mapping[str, StarterTelemetry]
     policy: Policy
+    proofs: Proofs
+
+    def admit(self, request: CommandRequest) -> CommandRequest:
+        """Return a command that may come in; all but a stop with the time at which it was decided upon."""
+        if unknown := self.verb_error(request.starter, request.verb):
+            raise unknown
+        if request.verb != STOP:
+            request = self.proofs.dated(request, self.policy.rights)
+        self.check_sender(request)
+        return request
 
     def check_sender(self, request: CommandRequest) -> None:
-        """Demand a starter or group, a verb that it has, this client's right to it, and an id."""
+        """Demand a starter or group, this client's right to the verb, and an id."""
         name, is_stop = request.starter, request.verb == STOP
         is_group = name in self.policy.settings.groups
         if is_group and not is_stop:
             raise CommandError(ResultCode.GROUP_ONLY_STOP, group=name)
         if not is_group and name not in self.starters:
             raise CommandError(ResultCode.UNKNOWN_STARTER)
-        self.check_verb(name, request.verb)
         if not (self.stoppable(request) if is_stop else self._may(request)):
             raise self.no_right(request)
         if not is_stop and not request.id:
             raise CommandError(ResultCode.NO_ID)
 
-    def check_verb(self, name: str, verb: str) -> None:
-        """Demand a verb of this starter's family or of the gateway; one that is not configured has any."""
+    def verb_error(self, name: str, verb: str) -> CommandError | None:
+        """Return why a starter has no such verb; one that is not configured has any."""
         starter = self.starters.get(name)
         if starter is None or verb in (known := (*command.verbs(starter.profile), *OWN_VERBS)):
-            return
+            return None
         verbs, title = ", ".join(known), starter.profile.title
-        raise CommandError(ResultCode.UNKNOWN_VERB, "starter", title=title, verb=verb[:40], verbs=verbs)
+        return CommandError(ResultCode.UNKNOWN_VERB, "starter", title=title, verb=verb[:40], verbs=verbs)
 
     def no_right(self, request: CommandRequest) -> CommandError:
         """Return the refusal of a command to which its client has no right."""

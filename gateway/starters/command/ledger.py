@@ -65,9 +65,6 @@ class Ledger:
     def __post_init__(self) -> None:
         self._entries: dict[Key, LedgerEntry] = {}  # the oldest first
 
-    def __len__(self) -> int:
-        return len(self._entries)
-
     def find(self, client: str, id_: str | None) -> LedgerEntry | None:
         """Return the command that has been taken under this id; None when there was none."""
         return self._entries.get((client, id_ or ""))

@@ -139,7 +139,7 @@ class OwnVerbs:
             client=client,
             operator=who,
             reason=why,
-            lock=_lock_data(before)["lock"],
+            lock=report.before["lock"],
             owner=owner,
             owner_reason=before.reason,
         )

@@ -207,26 +207,22 @@ class CommandReport:
         self.reporting.audit(self.request, end.phase, end.reason.code, **sides)
 
     def _report(self, end: Final) -> None:
+        result, journal = self._result(end), self.reporting.journal
         if self.retention is Retention.AUDIT:
             return
-        request, records, journal = self.request, self.reporting.records, self.reporting.journal
-        result = self._result(end)
-        if self.retention in (Retention.NONE, Retention.RUN):
-            if request.starter and request.client:  # else there is no topic for a result, only the audit
-                records.put(result)
-            if self.retention is Retention.RUN:
-                self._store(result)
-        elif end.phase is Phase.WRITTEN or self.retention is Retention.BEHIND:
-            # That something may be written is on the disk already. Where the ledger keeps the result of
-            # another command under this id, a stop is stored without it.
-            self._latest = result if self._store(result) else replace(result, id=None)
-            journal.note(self._latest)
-            records.put(result)
-        else:
+        # That something may be written is on the disk already.
+        if self.retention is Retention.DISK and end.phase is not Phase.WRITTEN:
             if self._latest is None:  # a copy of the command must be known for one from now on
                 self._store(result, is_published=False)
             self._latest = result
             journal.note(result, then=partial(self._publish_end, result))
+            return
+        is_known = self.retention is not Retention.NONE and self._store(result)
+        if self.retention is Retention.BEHIND:
+            # Where the ledger keeps the result of another command under this id, a stop is stored without it.
+            journal.note(result if is_known else replace(result, id=None))
+        if result.starter and result.client:  # else there is no topic for a result, only the audit
+            self.reporting.records.put(result)
 
     def _store(self, result: ResultRecord, *, is_published: bool = True) -> bool:
         ledger = self.reporting.ledger
@@ -249,8 +245,7 @@ class GroupReport:
 
     def __init__(self, whole: CommandReport, members: Collection[str]) -> None:
         self.whole = whole
-        self._missing = set(members)
-        self._ends: dict[str, Final] = {}
+        self._ends: dict[str, Final | None] = dict.fromkeys(sorted(members))
 
     def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but not stored."""
@@ -260,12 +255,11 @@ class GroupReport:
     def note_end(self, name: str, end: Final) -> None:
         """Record a member's end; the last one ends the whole, confirmed only when all members are."""
         self._ends[name] = end
-        self._missing.discard(name)
-        if not self._missing:
-            self.whole.finish(self._end())
+        ends = {name: end for name, end in self._ends.items() if end is not None}
+        if len(ends) == len(self._ends):
+            self.whole.finish(self._end(ends))
 
-    def _end(self) -> Final:
-        ends = dict(sorted(self._ends.items()))
+    def _end(self, ends: Mapping[str, Final]) -> Final:
         values = {"members": {name: {"phase": e.phase, "code": e.reason.code} for name, e in ends.items()}}
         others = {name: end for name, end in ends.items() if end.phase is not Phase.CONFIRMED}
         if not others:

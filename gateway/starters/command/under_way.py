@@ -7,6 +7,7 @@ gateway asks for: it makes no new token and cancels nothing, and it gives way to
 from __future__ import annotations
 
 import asyncio
+import logging
 from collections.abc import Awaitable, Collection, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
@@ -20,10 +21,13 @@ from gateway.starters.command.report import CommandReport, Reporting, Retention
 from gateway.starters.command.run.decision import CAN_WAIT, Judge
 from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
+from gateway.starters.command.wire import HaltedError
 from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.policy import GATEWAY, Guard
 from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.starter import StarterTelemetry
+
+logger = logging.getLogger(__name__)
 
 _Work = TypeVar("_Work", CommandRun, Stopping)
 
@@ -43,28 +47,27 @@ class UnderWay:
         self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._slots: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
         self._tasks: set[asyncio.Task[None]] = set()
+        self.is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
-    def is_busy(self, name: str) -> bool:
-        """Return whether a starter is under a command or a client's stop."""
-        return name in self._runs or (name in self._stops and not self._stops[name].is_own)
-
-    def demand_free(self, name: str) -> None:
-        """Demand that a starter is under no command, and that its configuration stays as it is."""
-        if self.is_busy(name):
+    def demand_free(self, request: CommandRequest) -> None:
+        """Demand a starter under no command or client's stop, nor reload, and none since the decision."""
+        name = request.starter
+        if name in self._runs or (name in self._stops and not self._stops[name].is_own):
             raise CommandError(ResultCode.BUSY, "command")
         if name in self._leaving:
             raise CommandError(ResultCode.BUSY, "reload")
+        self.demand_decided_after_stop(request)
 
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
-        starter, slot = self.starters[name], None
+        starter, slot = self.starters[name], asyncio.Semaphore(AT_ONCE)
         if verb != READ:  # which changes nothing at the starter, and needs no slot
             if name in self._stops:
                 self._stops.pop(name).give_way()
             line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other
-            slot = self._slots.setdefault(line, asyncio.Semaphore(AT_ONCE))
+            slot = self._slots.setdefault(line, slot)
         run = CommandRun(Judge(report, starter, preparation, guard), slot, self._run_off)
         self._carry_out(self._runs, name, run)
 
@@ -82,7 +85,7 @@ class UnderWay:
         self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
         run = self._runs.get(name)
         if run is not None:
-            run.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
+            run.wire.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
         stopping = self._stopping(name)
         if run is not None and run.report.request.verb == "jog":
             stopping.frames.with_jog = True  # it may have been written, and not yet be seen
@@ -118,7 +121,7 @@ class UnderWay:
         if run is None or run.report.is_written:
             return
         if is_forbidden(run.report.request.verb, run.report.request.args):
-            run.halt(Reason(ResultCode.LOCKED, "cut"))
+            run.wire.halt(Reason(ResultCode.LOCKED, "cut"))
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `reopen`."""
@@ -136,14 +139,15 @@ class UnderWay:
         for name in self._leaving:
             for work in (self._runs.pop(name, None), self._stops.pop(name, None)):
                 if work is not None:
-                    work.halt(Reason(ResultCode.BUSY, "reloaded"))
+                    work.wire.halt(Reason(ResultCode.BUSY, "reloaded"))
         self._leaving = ()
 
     async def close(self) -> None:
         """Write nothing more, and wait for everything to end."""
+        self.is_closing = True
         under_way: list[CommandRun | Stopping] = [*self._runs.values(), *self._stops.values()]
         for work in under_way:
-            work.halt(Reason(ResultCode.SHUTTING_DOWN))
+            work.wire.halt(Reason(ResultCode.SHUTTING_DOWN))
         if self._tasks:
             await asyncio.wait(self._tasks)
 
@@ -176,10 +180,16 @@ class UnderWay:
 
 
 async def _run_out(under_way: dict[str, _Work], name: str, work: _Work) -> None:
-    """Run what is under way for a starter to its end."""
+    """Run what is under way for a starter to its end, and let nothing more of it go out then."""
     try:
         await work.run()
+    except HaltedError as error:
+        work.cut(error.reason)
+    except Exception:  # the guard at the task's top
+        logger.exception("starter=%s command ended by a bug", name)
+        work.cut(Reason(ResultCode.INTERNAL))
     finally:
+        work.wire.halt(Reason(ResultCode.SHUTTING_DOWN))
         if under_way.get(name) is work:  # else it gave way
             del under_way[name]
 

@@ -6,14 +6,15 @@ import asyncio
 from collections.abc import Collection, Coroutine, Iterable, Mapping
 from contextlib import suppress
 from math import inf
-from typing import Any, Protocol, TypeVar, assert_never
+from typing import Any, TypeVar, assert_never
 
 from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.errors import GatewayError
-from gateway.families import Expect, Profile, Read, Variant, decode, reading
+from gateway.families import Expect, Profile, Read, decode, reading
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus import ExceptionCode, Request
-from gateway.starters.setup import Asked, StarterSetup
+from gateway.starters.command.addressee import StopAddressee
+from gateway.starters.starter import StarterTelemetry
 
 T = TypeVar("T")
 
@@ -23,28 +24,6 @@ LAST_READING_S = 0.5  # so long after a deadline the reading under way, or the s
 EQUAL_READINGS = 2  # that must follow one another: a CRC lets one bad frame in some 50,000 pass
 
 Rows = dict[str, tuple[int, ...]]
-
-
-class StarterWire(Protocol):
-    """One starter, as far as it is asked, written to and read."""
-
-    @property
-    def setup(self) -> StarterSetup:
-        """The starter as configured."""
-
-    @property
-    def profile(self) -> Profile:
-        """Its family."""
-
-    @property
-    def variant(self) -> Variant:
-        """What is known of it by configuration and identification."""
-
-    def ask(self, request: Request, *, lane: Priority, until_s: float = inf) -> Asked:
-        """Send it a request, not later than `until_s`; cancelled, it is withdrawn while it waits."""
-
-    def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
-        """Record rows that were just read for a command; they are published once the command waits again."""
 
 
 class HaltedError(GatewayError):
@@ -76,7 +55,9 @@ class RefusedError(GatewayError):
 class Wire:
     """Reads and writes of one starter for one command."""
 
-    def __init__(self, starter: StarterWire, *, read_back_lane: Priority, until_s: float = inf) -> None:
+    def __init__(
+        self, starter: StarterTelemetry | StopAddressee, *, read_back_lane: Priority, until_s: float = inf
+    ) -> None:
         self._starter = starter
         self._read_back_lane = read_back_lane
         self.until_s = until_s  # nothing is waited for any longer, whatever the line does
@@ -114,11 +95,11 @@ class Wire:
         return rows
 
     async def read_back(self, reads: Iterable[Read]) -> Rows | None:
-        """Return freshly read rows for a read-back; None when a part of them could not be had."""
+        """Return freshly read rows for a read-back; None when a part of them could not be had in time."""
         try:
             return await self.read(reads, lane=self._read_back_lane)
-        except (CommandError, RefusedError):  # or the family that is spoken to now does not have such a row
-            return None
+        except (CommandError, OverdueError, RefusedError):
+            return None  # or the family that is spoken to now does not have such a row
 
     async def see(self, expect: Expect) -> dict[str, Any] | None:
         """Return the values of two readings in a row that show what is expected; None when its time is up."""

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import asyncio
 
-from gateway.starters.command.overload import Overload
+import pytest
+
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
-from tests.starters.command import reporting
 from tests.virtual_time import VirtualClock, virtually
 
 
@@ -18,18 +18,25 @@ def test_a_bucket_gives_its_burst_then_its_rate_and_never_holds_more_than_its_bu
     assert taken == [True, True, True, False, True, False, True, True, True, False]
 
 
+FLOOD = [(0.0, "a", 1), (0.09, "a", 2), (0.1, "a", 3), (0.15, "a", 4)]  # until their number is published
+AGAIN = [(0.25, "a", 5), (0.26, "a", 6), (0.5, "a", 7)]
+APART = [(0.0, "a", 1), (0.1001, "a", 2), (0.25, "a", 3), (0.25, "b", 4)]
+
+
+@pytest.mark.parametrize(
+    ("puts", "passed_on"),
+    [
+        (FLOOD + AGAIN, [(0.0, 1, 0), (0.19, 4, 3), (0.35, 6, 2), (0.5, 7, 0)]),
+        (APART, [(0.0, 1, 0), (0.1, 2, 0), (0.25, 3, 0), (0.25, 4, 0)]),
+    ],
+)
 @virtually
-async def test_one_clients_flood_leaves_the_others_theirs() -> None:
-    limits = Overload(reporting())
-
-    assert sum(limits.admits("loud") for _ in range(1000)) == 100
-    assert limits.admits("quiet")
-
-
-async def damped(*puts: tuple[float, str, int]) -> list[tuple[float, int, int]]:
-    """Put items of keys at their times; return when each was passed on, and as the last of how many."""
-    loop = asyncio.get_running_loop()
-    begin_s, passed = loop.time(), list[tuple[float, int, int]]()
+async def test_a_refusal_is_published_at_once_and_those_soon_after_it_are_counted(
+    puts: list[tuple[float, str, int]], passed_on: list[tuple[float, int, int]]
+) -> None:
+    """An item of a key is put at its time; it is passed on when, and as the last of how many."""
+    loop, passed = asyncio.get_running_loop(), list[tuple[float, int, int]]()
+    begin_s = loop.time()
 
     def note(item: int, count: int) -> None:
         passed.append((round(loop.time() - begin_s, 3), item, count))
@@ -39,19 +46,5 @@ async def damped(*puts: tuple[float, str, int]) -> list[tuple[float, int, int]]:
         await asyncio.sleep(begin_s + at_s - loop.time())
         refusals.put(key, item)
     await asyncio.sleep(1.0)
-    return passed
 
-
-@virtually
-async def test_a_refusal_is_published_at_once_and_those_after_it_are_counted() -> None:
-    flood = [(0.0, "a", 1), (0.09, "a", 2), (0.1, "a", 3), (0.15, "a", 4)]  # until their number is published
-    again = [(0.25, "a", 5), (0.26, "a", 6), (0.5, "a", 7)]
-
-    assert await damped(*flood, *again) == [(0.0, 1, 0), (0.19, 4, 3), (0.35, 6, 2), (0.5, 7, 0)]
-
-
-@virtually
-async def test_refusals_far_apart_are_all_published() -> None:
-    apart = [(0.0, "a", 1), (0.1001, "a", 2), (0.25, "a", 3), (0.25, "b", 4)]
-
-    assert [(item, count) for _, item, count in await damped(*apart)] == [(1, 0), (2, 0), (3, 0), (4, 0)]
+    assert passed == passed_on

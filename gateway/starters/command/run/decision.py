@@ -113,8 +113,12 @@ class Judge:
     guard: Guard
     lane: Priority = field(init=False)
     wire: Wire = field(init=False)
+    _reads: tuple[Read, ...] = field(init=False)
 
     def __post_init__(self) -> None:
+        self._reads = self.preparation.reads
+        if self.report.request.verb != READ:
+            self._reads = diagnosis.with_distinctive_rows(self.starter.profile, self.preparation).reads
         can_wait = self.report.request.verb in CAN_WAIT
         self.lane = Priority.PARAMETERS if can_wait else Priority.COMMAND
         self.wire = self.new_wire(self.report.request.until_s)
@@ -143,12 +147,6 @@ class Judge:
     async def demand_again(self) -> None:
         """Read once more; CommandError unless the family's rules hold still."""
         self._judge(await self._read(), None)
-
-    @property
-    def _reads(self) -> tuple[Read, ...]:
-        if self.report.request.verb == READ:
-            return self.preparation.reads
-        return diagnosis.with_distinctive_rows(self.starter.profile, self.preparation).reads
 
     def _judge(self, rows: Rows, guard: Guard | None) -> Procedure | None:
         request, starter, points = self.report.request, self.starter, points_of(self.wire.values(rows))

@@ -56,9 +56,8 @@ class Outlook:
         if not self.report.is_written:
             age_s = request.until_s - request.received_s
             return self.cut(Reason(ResultCode.EXPIRED, "overdue", age_s=age_s))
-        if self.note is LOOK:
-            return self.cut(Reason(ResultCode.NOT_FOLLOWED, "overdue"))
-        return self.cut(Reason(ResultCode.NOT_SEEN, "overdue"))
+        is_still = self.note is LOOK
+        return self.cut(Reason(ResultCode.NOT_FOLLOWED if is_still else ResultCode.NOT_SEEN, "overdue"))
 
     def not_seen(self, expect: Expect) -> Final:
         """Return the end of a command that was written and not seen to act in its time."""
@@ -70,8 +69,7 @@ class Outlook:
             reason = Reason(
                 ResultCode.NOT_SEEN, "standstill" if is_off else "motion", point=point, within_s=within_s
             )
-        if self.refusal is not None:
-            reason = self.refusal.noted(reason)
+        reason = reason if self.refusal is None else self.refusal.noted(reason)
         return Final(Phase.UNCONFIRMED, reason.noted(self.note))
 
     def not_readable(self) -> Final:

@@ -15,7 +15,6 @@
 from __future__ import annotations
 
 import asyncio
-import logging
 from collections.abc import Callable, Mapping
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, replace
@@ -42,8 +41,6 @@ from gateway.starters.command.stop.machine import StopOrder
 from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError
 from gateway.starters.identity import IdentityStatus
 
-logger = logging.getLogger(__name__)
-
 ENDED_WITHIN_S = 3.0  # after its deadline: taken back, or abandoned
 _NOT_SET_UP = (  # what a write is refused with that the starter is not set up for, or does not have
     ExceptionCode.ILLEGAL_FUNCTION,
@@ -66,31 +63,27 @@ class _OutdatedError(Exception):
 
 @dataclass(eq=False)
 class CommandRun:
-    """One accepted command under way; `run` always ends with the command's final result."""
+    """One accepted command under way; `run` or else `cut` gives the command's final result."""
 
     judge: Judge
-    slot: asyncio.Semaphore | None  # among the commands of its line, until its first write; None: none needed
+    slot: asyncio.Semaphore  # among the commands of its line, until its first write
     run_off: RunOffBy
 
     def __post_init__(self) -> None:
-        self.report, self.starter, self._wire = self.judge.report, self.judge.starter, self.judge.wire
+        self.report, self.starter, self.wire = self.judge.report, self.judge.starter, self.judge.wire
         self._held_slot = ExitStack()
         self._outlook = Outlook(self.report)
         self._cleared_s = inf  # when run = 0 was taken, as its request was asked
 
-    def halt(self, reason: Reason) -> None:
-        """Let nothing more of this command go out."""
-        self._wire.halt(reason)
-
     async def run(self) -> None:
-        """Carry the command out; never raises."""
-        try:
-            end = await self._ended()
-        except HaltedError as error:  # while it was taken back or abandoned
-            end = self._outlook.cut(error.reason)
-        except Exception:  # the guard at the task's top
-            logger.exception("starter=%s command ended by a bug", self.report.request.starter)
-            end = self._outlook.cut(Reason(ResultCode.INTERNAL))
+        """Carry the command out; HaltedError while it is taken back or abandoned."""
+        self._finish(await self._ended())
+
+    def cut(self, reason: Reason) -> None:
+        """End it, whatever it is at."""
+        self._finish(self._outlook.cut(reason))
+
+    def _finish(self, end: Final) -> None:
         self._held_slot.close()
         self.judge.guard.end(is_written=self.report.is_written)
         self.report.finish(end)
@@ -112,15 +105,14 @@ class CommandRun:
         return await self._abandoned(end)
 
     async def _carried_out(self) -> Final:
-        if self.slot is not None:
-            await self._wire.wait_for(self.slot.acquire())
-            self._held_slot.callback(self.slot.release)
+        await self.wire.wait_for(self.slot.acquire())
+        self._held_slot.callback(self.slot.release)
         decision = await self.judge.decide()
         if decision.procedure.steps:
             # The watchdog of its line first, then the disk; rules and lock are judged for the last time.
-            await self._wire.wait_for(self.judge.guard.reserve(decision.procedure))
-            await self._wire.wait_for(self.report.intend())
-            await self._wire.wait_for(self.judge.guard.admit(decision.procedure))
+            await self.wire.wait_for(self.judge.guard.reserve(decision.procedure))
+            await self.wire.wait_for(self.report.intend())
+            await self.wire.wait_for(self.judge.guard.admit(decision.procedure))
         while decision.procedure.steps:
             try:
                 return await self._write_all(decision)
@@ -141,7 +133,7 @@ class CommandRun:
                 return end if step.is_run_off else await self._abandoned(end)
         if procedure.verify is None:
             return self._outlook.not_readable()
-        values = await self._wire.see(procedure.verify)
+        values = await self.wire.see(procedure.verify)
         if values is not None:
             return ends.confirmed(procedure, self._subject(procedure, values), values)
         end = self._outlook.not_seen(procedure.verify)
@@ -159,7 +151,7 @@ class CommandRun:
         if end is not None:
             return end
         if step.then is not None:
-            is_seen = await self._wire.see(step.then) is not None
+            is_seen = await self.wire.see(step.then) is not None
             return None if is_seen else self._outlook.not_seen(step.then)
         if isinstance(outcome, Silent | Garbled) and not is_last and not step.is_silence_expected:
             return self._outlook.cut(Reason(ResultCode.NO_ANSWER, "write", reason=outcome.reason))
@@ -176,10 +168,10 @@ class CommandRun:
             reason = Reason(ResultCode.NO_ANSWER, "run_off", reason=outcome.reason)
             phase = Phase.UNCONFIRMED
         else:
-            self._cleared_s = min(self._cleared_s, self._wire.seen_s)
-            if step.then is None or await self._wire.see(step.then) is not None:
+            self._cleared_s = min(self._cleared_s, self.wire.seen_s)
+            if step.then is None or await self.wire.see(step.then) is not None:
                 return None
-            if isinstance(outcome, Answered) and await self._wire.is_refused(step.then.reads, _NOT_SET_UP):
+            if isinstance(outcome, Answered) and await self.wire.is_refused(step.then.reads, _NOT_SET_UP):
                 # A starter that does not let the bit be read: acknowledgement and standstill suffice.
                 await self.judge.demand_again()
                 return None
@@ -204,14 +196,14 @@ class CommandRun:
     async def _send_first(self, decision: CommandDecision, step: WriteStep) -> Outcome:
         """Send the first write; _OutdatedError when it was not sent, and there is time to decide again."""
         self.report.advance(CommandStep.WRITING)
-        deadline_s = min(self._wire.until_s, self.report.request.until_s)
-        until_s = min(deadline_s, decision.until_s(self._wire.seen_s))
-        self._wire.until_s = until_s + decision.seen_within_s
+        deadline_s = min(self.wire.until_s, self.report.request.until_s)
+        until_s = min(deadline_s, decision.until_s(self.wire.seen_s))
+        self.wire.until_s = until_s + decision.seen_within_s
         outcome: Outcome = Silent(TOO_LATE, is_sent=False)
         if not self._is_outdated():
-            outcome = await self._wire.write(step.request, lane=self.judge.lane, until_s=until_s)
-        now_s, is_unsent = self._wire.now_s(), _is_held(outcome)
-        self._wire.until_s = deadline_s if is_unsent else now_s + decision.seen_within_s
+            outcome = await self.wire.write(step.request, lane=self.judge.lane, until_s=until_s)
+        now_s, is_unsent = self.wire.now_s(), _is_held(outcome)
+        self.wire.until_s = deadline_s if is_unsent else now_s + decision.seen_within_s
         if is_unsent and now_s < deadline_s:
             raise _OutdatedError
         return outcome
@@ -221,18 +213,18 @@ class CommandRun:
 
         One that was held, because an earlier reply of its starter may still come, is handed over again.
         """
-        until_s = self._wire.until_s
+        until_s = self.wire.until_s
         if not decision.is_patient:
-            until_s = min(until_s, decision.until_s(self._wire.seen_s, cleared_s=self._cleared_s))
+            until_s = min(until_s, decision.until_s(self.wire.seen_s, cleared_s=self._cleared_s))
         while decision.is_patient or not self._is_outdated():
-            outcome = await self._wire.write(step.request, lane=self.judge.lane, until_s=until_s)
-            if not _is_held(outcome) or self._wire.now_s() >= until_s:
+            outcome = await self.wire.write(step.request, lane=self.judge.lane, until_s=until_s)
+            if not _is_held(outcome) or self.wire.now_s() >= until_s:
                 return outcome
         return Silent(TOO_LATE, is_sent=False)
 
     def _is_outdated(self) -> bool:
         """Return whether the gateway stood still since what was read, or since run = 0."""
-        return self.report.is_outdated(min(self._wire.seen_s, self._cleared_s))
+        return self.report.is_outdated(min(self.wire.seen_s, self._cleared_s))
 
     def _taken(self, outcome: Outcome) -> Final | None:
         """Record the outcome of a write; return the end when it did not go out or was refused."""
@@ -260,17 +252,17 @@ class CommandRun:
 
     async def _taken_back(self, end: Final, at_rest: Expect, released: Expect) -> Final:
         """Have a start taken back that is seen not to have acted; else it might act later."""
-        self._wire.until_s = self._wire.now_s() + ENDED_WITHIN_S
+        self.wire.until_s = self.wire.now_s() + ENDED_WITHIN_S
         profile = self.starter.profile
         rows = diagnosis.distinctive_rows(profile)
-        values = await self._wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
+        values = await self.wire.see(replace(at_rest, reads=reading.with_rows(profile, at_rest.reads, rows)))
         if values is None or self._is_another or diagnosis.contradiction(profile, values):
             return end.noted(MAY_ACT_LATER)
-        self._wire.demand_not_halted()  # at shut-down nothing is written
+        self.wire.demand_not_halted()  # at shut-down nothing is written
         order = self.run_off(self.report, released)
         with suppress(OverdueError):  # the stop goes on; the command's time is over
-            await self._wire.wait_for(order.over.wait())
-        return self._outlook.stopped(end, is_shown=order.is_seen(self._wire.now_s()))
+            await self.wire.wait_for(order.over.wait())
+        return self._outlook.stopped(end, is_shown=order.is_seen(self.wire.now_s()))
 
     async def _abandoned(self, end: Final) -> Final:
         """Return the end of a command that failed, after what its procedure leaves to be undone."""
@@ -279,10 +271,10 @@ class CommandRun:
             return end
         if self._is_another:
             return ends.unsafe(end)
-        self._wire = self.judge.new_wire(self._wire.now_s() + ENDED_WITHIN_S)  # the other may be halted
+        self.wire = self.judge.new_wire(self.wire.now_s() + ENDED_WITHIN_S)  # the other may be halted
         try:
             for request in procedure.abandon:
-                outcome = await self._wire.write(request, lane=Priority.FOLLOW_UP)
+                outcome = await self.wire.write(request, lane=Priority.FOLLOW_UP)
                 end = end if isinstance(outcome, Answered) else ends.unsafe(end)
         except OverdueError:
             return ends.unsafe(end)

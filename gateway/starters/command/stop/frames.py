@@ -12,13 +12,13 @@ from __future__ import annotations
 import asyncio
 import logging
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 from gateway.contract import Note, Reason
 from gateway.families import Procedure, WriteStep, command
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus import ExceptionCode, Function, MaskWriteRegister
-from gateway.starters.command.stop.addressee import StopAddressee
+from gateway.starters.command.addressee import StopAddressee
 from gateway.starters.command.wire import DECIDES_FOR_S, RefusedError, Wire
 from gateway.system.rate_limits import Bucket, Rate
 
@@ -29,26 +29,6 @@ OWN_FRAMES = Rate(10.0, 8)  # for messages of one starter: so many a second, so 
 SHARED_WITHIN_S = 0.1  # after the frame before: when the frame of messages beyond that is sent
 
 Asked = Sequence[asyncio.Future[Outcome]]
-
-
-@dataclass(slots=True)
-class FrameFacts:
-    """What the frames of a stop met on their way."""
-
-    refusal: Reason | None = None  # the latest
-    is_answered: bool = False  # the starter answered anything at all
-    is_over_babble: bool = False  # a frame was sent although the line was not quiet
-    families: list[str] = field(default_factory=list)  # in whose words they were sent
-
-    def note(self, outcomes: Sequence[Outcome]) -> None:
-        """Record what came of one frame."""
-        self.is_over_babble |= any(outcome.is_over_babble for outcome in outcomes)
-        self.is_answered |= any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes)
-
-    @property
-    def babble(self) -> Note | None:
-        """Return what a result says of a line that was never quiet."""
-        return Note("over_babble") if self.is_over_babble else None
 
 
 @dataclass(eq=False)
@@ -67,9 +47,11 @@ class Frames:
     def __post_init__(self) -> None:
         self._own = Bucket(OWN_FRAMES)
         self.with_jog = False  # jog = 0 is a part of each frame: a jog may stand that was not seen
-        self.wanted = 0  # the number of the frame that the latest message counts on
-        self.handed = 0  # frames handed to the line
-        self.facts = FrameFacts()
+        self.families: list[str] = []  # in whose words frames were sent
+        self.refusal: Reason | None = None  # the latest
+        self.is_answered = False  # the starter answered anything at all
+        self.babble: Note | None = None  # of a line that was not quiet when a frame was sent
+        self._handed = 0  # frames handed to the line
         self._due_s = 0.0  # when the next frame is due
         self._timer: asyncio.TimerHandle | None = None
         self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
@@ -79,10 +61,9 @@ class Frames:
         """Have a frame sent for one more message; return its number."""
         if self._own.take(self.wire.now_s()):
             self._send(Priority.STOP)
-        else:
-            self.wanted = self.handed + 1
-            self._plan(min(self._due_s, self.wire.now_s() + SHARED_WITHIN_S))
-        return self.wanted
+            return self._handed
+        self._plan(min(self._due_s, self.wire.now_s() + SHARED_WITHIN_S))
+        return self._handed + 1
 
     def procedure(self) -> Procedure:
         """Return what stops the starter."""
@@ -105,22 +86,21 @@ class Frames:
         if self._timer is not None:
             self._timer.cancel()
         if self._under_way:
-            self.on_left(self.handed, is_acknowledged=False)
+            self.on_left(self._handed, is_acknowledged=False)
 
     def _send(self, lane: Priority) -> None:
         """Hand one frame to the line."""
-        self.handed += 1
-        self.wanted = max(self.wanted, self.handed)
+        self._handed += 1
         self._plan(self.wire.now_s() + REPEAT_S)
-        if self.starter.profile.family not in self.facts.families:
-            self.facts.families.append(self.starter.profile.family)
+        if self.starter.profile.family not in self.families:
+            self.families.append(self.starter.profile.family)
         try:
             steps = self.procedure().steps
             asked = [self.wire.hand_over(step.request, lane=lane) for step in steps]
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
-            logger.exception("starter=%s stop not sent", self.starter.setup.name)
+            logger.exception("starter=%s stop not sent", self.starter.name)
             return
-        frame = asyncio.get_running_loop().create_task(self._follow(self.handed, steps, asked))
+        frame = asyncio.get_running_loop().create_task(self._follow(self._handed, steps, asked))
         self._under_way.add(frame)
         frame.add_done_callback(self._under_way.discard)
 
@@ -134,13 +114,15 @@ class Frames:
         """Record what came of a frame; what was cut short may have been on its way."""
         await asyncio.wait(asked)
         outcomes = [None if each.cancelled() else each.result() for each in asked]
-        self.facts.note([outcome for outcome in outcomes if outcome is not None])
+        if any(outcome is not None and outcome.is_over_babble for outcome in outcomes):
+            self.babble = Note("over_babble")
+        self.is_answered |= any(isinstance(outcome, (Answered, Refused)) for outcome in outcomes)
         # A jog = 0 may be refused where no jog is set up.
         pairs = list(zip(steps, outcomes, strict=True))
         counting = [each for step, each in pairs if not (step.may_be_refused and isinstance(each, Refused))]
         for each in counting:
             if isinstance(each, Refused):
-                self.facts.refusal = RefusedError(self.starter.profile, each.code).reason
+                self.refusal = RefusedError(self.starter.profile, each.code).reason
         if not self._is_mask_refused and any(_is_mask_refused(*pair) for pair in pairs):
             self._is_mask_refused = True
             if self.procedure().steps != steps:  # the word read last goes out at once, where there is one

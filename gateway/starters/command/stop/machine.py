@@ -15,30 +15,24 @@ Of a group each member is stopped so on its own: `group`.
 from __future__ import annotations
 
 import asyncio
-import logging
-from collections.abc import Collection, Iterable
+from collections.abc import Collection
 from dataclasses import dataclass, field
 from math import inf
 from typing import Any
 
 from gateway.contract import EventCode, Note, Phase, Reason, ResultCode
-from gateway.families import Expect, Read
+from gateway.families import Expect
 from gateway.line import Priority
+from gateway.starters.command.addressee import StopAddressee
 from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final
-from gateway.starters.command.stop.addressee import StopAddressee
 from gateway.starters.command.stop.frames import Frames
 from gateway.starters.command.wire import (
     EQUAL_READINGS,
     READ_BACK_PAUSE_S,
-    HaltedError,
-    OverdueError,
-    Rows,
     Wire,
     points_of,
 )
 from gateway.starters.starter import StarterTelemetry
-
-logger = logging.getLogger(__name__)
 
 DEADLINE_S = 10.0  # of each message
 UNREAD_PAUSE_S = 0.5  # between two readings of a starter that did not answer the latest two
@@ -102,9 +96,9 @@ class Stopping:
     """One starter's stop under way; every stop message that comes meanwhile joins it."""
 
     def __init__(self, starter: StarterTelemetry) -> None:
-        self._starter = StopAddressee(starter)
-        self._wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
-        self.frames = Frames(self._starter, self._wire, self._next_lane, self._note_written)
+        self._event, self._starter = starter.event, StopAddressee(starter)
+        self.wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
+        self.frames = Frames(self._starter, self.wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
         self._readings = 0  # begun
         self._unread = 0  # the latest of them in a row that were not answered
@@ -116,7 +110,7 @@ class Stopping:
         `released`: to take back what a command may have left in the starter, until that is read as well.
         """
         self._orders = [order for order in self._orders if order.report]
-        self._orders.append(StopOrder(self.frames.ask(), self._wire.now_s(), released=released))
+        self._orders.append(StopOrder(self.frames.ask(), self.wire.now_s(), released=released))
         return self._orders[-1]
 
     def join(self, report: CommandReport) -> None:
@@ -134,38 +128,22 @@ class Stopping:
         """Return whether it only takes a start back: a newer command may end it."""
         return all(order.is_own for order in self._orders)
 
-    def halt(self, reason: Reason) -> None:
-        """Let nothing more go out."""
-        self._wire.halt(reason)
-
     def give_way(self) -> None:
         """End, for the audit alone, and let nothing more go out: a newer command has been accepted."""
-        for order in self._orders:
-            order.over.set()
-            if order.report is not None:
-                order.report.finish(self._cut(order, Reason(ResultCode.BUSY, "command")))
-        self._orders.clear()
-        self.halt(Reason(ResultCode.OK, "accepted"))
+        for order in tuple(self._orders):
+            self._finish(order, self._cut(order, Reason(ResultCode.BUSY, "command")))
+        self.wire.halt(Reason(ResultCode.OK, "accepted"))
 
-    async def run(self) -> None:
-        """Stop the motor; never raises, and always ends every stop command that has joined."""
-        try:
-            await self._read_on()
-        except HaltedError as error:
-            self._cut_all(error.reason)
-        except Exception:  # the guard at the task's top
-            logger.exception("starter=%s stop ended by a bug", self._starter.setup.name)
-            self._cut_all(Reason(ResultCode.INTERNAL))
-        finally:
-            self._wire.halt(Reason(ResultCode.SHUTTING_DOWN))
-            self.frames.close()
+    def cut(self, reason: Reason) -> None:
+        """End every stop command that has joined."""
+        self.frames.close()
+        self._end([(order, self._cut(order, reason)) for order in self._orders])
 
     def _next_lane(self) -> Priority | None:
         """Return how soon the next frame is to be sent; None: none is needed."""
         if all(order.good and order.is_taken for order in self._orders):
             return None
-        is_first = self.frames.wanted > self.frames.handed or not all(o.is_written for o in self._orders)
-        return Priority.STOP if is_first else Priority.FOLLOW_UP
+        return Priority.FOLLOW_UP if all(order.is_written for order in self._orders) else Priority.STOP
 
     def _note_written(self, number: int, *, is_acknowledged: bool) -> None:
         for order in self._orders:
@@ -174,13 +152,14 @@ class Stopping:
 
     # The readings
 
-    async def _read_on(self) -> None:
-        """Read the starter back until every message has its end."""
+    async def run(self) -> None:
+        """Read the starter back until every stop command that has joined has its end; HaltedError."""
         while self._orders:
             shown: Collection[StopOrder] = ()
             if any(order.is_written for order in self._orders):
                 self._readings += 1
                 shown = await self._read_back()
+                self.wire.until_s = inf
                 await asyncio.sleep(0)  # the readings are published before the results that rest on them
             else:
                 self.frames.procedure()  # what cannot be built cannot be sent
@@ -188,43 +167,34 @@ class Stopping:
             self.frames.send_if_due()
             if self._orders:  # a silent starter costs its line a time-out each time
                 pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
-                await self._wire.wait_for(asyncio.sleep(pause_s))
+                await self.wire.wait_for(asyncio.sleep(pause_s))
 
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
         expect, number = self.frames.procedure().verify, self._readings
-        rows = None if expect is None else await self._read_in_time(expect.reads)
+        self.wire.until_s = min(order.until_s for order in self._orders) + LAST_READING_S
+        rows = None if expect is None else await self.wire.read_back(expect.reads)
         self._unread = self._unread + 1 if rows is None else 0
         if expect is None or rows is None:
             return ()
         # What a start that is taken back needs besides: a starter may refuse it, and is stopped all the same.
         released = [order.released for order in self._orders if order.released and not self._starter.is_other]
         for each in released[:1]:
-            rows |= await self._read_in_time(each.reads) or {}
-        self.frames.facts.is_answered, now_s = True, self._wire.now_s()
-        self._shown = self._wire.values(rows)
+            rows |= await self.wire.read_back(each.reads) or {}
+        self.frames.is_answered, now_s = True, self.wire.now_s()
+        self._shown = self.wire.values(rows)
         return [order for order in self._orders if order.note_reading(number, expect, self._shown, now_s)]
-
-    async def _read_in_time(self, reads: Iterable[Read]) -> Rows | None:
-        """Return what is read back; None when the first of the messages is over for too long."""
-        self._wire.until_s = min(order.until_s for order in self._orders) + LAST_READING_S
-        try:
-            return await self._wire.read_back(reads)
-        except OverdueError:
-            return None
-        finally:
-            self._wire.until_s = inf
 
     # The ends
 
     def _end_what_is_over(self, shown: Collection[StopOrder]) -> None:
         """End the messages that are read back, and those whose time is up unless a stop was just seen."""
         ends: list[tuple[StopOrder, Final]] = []
-        now_s = self._wire.now_s()
+        now_s = self.wire.now_s()
         for order in self._orders:
             is_over = now_s >= order.until_s
             if order.is_seen(now_s) and (order.is_taken or is_over):
-                reason = Reason(ResultCode.OK, "read_back").noted(self.frames.facts.babble)
+                reason = Reason(ResultCode.OK, "read_back").noted(self.frames.babble)
                 ends.append((order, Final(Phase.CONFIRMED, reason, after=points_of(self._shown))))
             elif is_over and order not in shown:
                 ends.append((order, self._unseen(order)))
@@ -232,33 +202,32 @@ class Stopping:
 
     def _end(self, ends: Collection[tuple[StopOrder, Final]]) -> None:
         """Give messages their ends; one event is published for all that are not confirmed."""
-        note = self._starter.note(self.frames.facts.families)
+        note = self._starter.note(self.frames.families)
         ends = [(order, end.noted(note)) for order, end in ends]
         for _, end in [each for each in ends if each[1].phase is not Phase.CONFIRMED][:1]:
-            self._starter.event(
+            self._event(
                 EventCode.STOP_UNCONFIRMED, phase=end.phase, code=end.reason.code, outcome=end.reason.text
             )
         for order, end in ends:
-            order.over.set()
-            self._orders.remove(order)
-            if order.report is not None:
-                order.report.finish(end)
+            self._finish(order, end)
 
-    def _cut_all(self, reason: Reason) -> None:
-        self.frames.close()
-        self._end([(order, self._cut(order, reason)) for order in self._orders])
+    def _finish(self, order: StopOrder, end: Final) -> None:
+        order.over.set()
+        self._orders.remove(order)
+        if order.report is not None:
+            order.report.finish(end)
 
     def _unseen(self, order: StopOrder) -> Final:
         """Return the end of a stop whose time is up."""
-        facts = self.frames.facts
-        if order.is_written and not facts.is_answered and not facts.is_over_babble:
+        frames = self.frames
+        if order.is_written and not frames.is_answered and frames.babble is None:
             reason = Reason(ResultCode.NO_ANSWER, "stop", within_s=DEADLINE_S)
             return Final(Phase.UNCONFIRMED, reason.noted(MAY_BE_TURNING))
         if order.is_written:
             reason = Reason(ResultCode.NOT_SEEN, "release" if order.is_own else "stop", within_s=DEADLINE_S)
-            return Final(Phase.UNCONFIRMED, reason.noted(facts.babble, facts.refusal, MAY_BE_TURNING))
-        if facts.refusal is not None:
-            return Final(Phase.FAILED, facts.refusal.noted(MAY_BE_TURNING))
+            return Final(Phase.UNCONFIRMED, reason.noted(frames.babble, frames.refusal, MAY_BE_TURNING))
+        if frames.refusal is not None:
+            return Final(Phase.FAILED, frames.refusal.noted(MAY_BE_TURNING))
         return self._cut(order, Reason(ResultCode.LINE_DOWN, "stop"))
 
     def _cut(self, order: StopOrder, reason: Reason) -> Final:

@@ -15,17 +15,16 @@ from gateway.contract import Note
 from gateway.families import Profile, Variant, diagnosis
 from gateway.line import Priority
 from gateway.modbus import Request
-from gateway.starters.setup import Asked, StarterSetup, ask, merged
+from gateway.starters.setup import Asked, ask, merged
 from gateway.starters.starter import StarterTelemetry
 from gateway.starters.state import Snapshot, StarterState
 
 
 class StopAddressee:
-    """A `StarterWire` for a stop: as configured, until the device proves to be of another family."""
+    """A starter as a stop speaks to it: as configured, until the device proves to be of another family."""
 
     def __init__(self, starter: StarterTelemetry) -> None:
-        self._starter = starter
-        self.event = starter.event
+        self._starter, self.name = starter, starter.setup.name
         self._rows = Snapshot(StarterState({}))  # what was read in another family's words: not for publishing
 
     def note(self, spoken: Collection[str]) -> Note | None:
@@ -43,19 +42,14 @@ class StopAddressee:
         return merged(Variant(), self._starter.identity) if self.is_other else self._starter.variant
 
     @property
-    def setup(self) -> StarterSetup:
-        """The starter as configured, with the times of the family that is spoken to."""
-        setup = self._starter.setup
-        return replace(setup, profile=self.profile) if self.is_other else setup
-
-    @property
     def snapshot(self) -> Snapshot:
         """What was read of it last, by the rows of the family that is spoken to."""
         return self._rows if self.is_other else self._starter.snapshot
 
     def ask(self, request: Request, *, lane: Priority, until_s: float = inf) -> Asked:
         """Send a request, with the times of the family that is spoken to."""
-        return ask(self._starter.line, self.setup, request, lane=lane, until_s=until_s)
+        setup = replace(self._starter.setup, profile=self.profile)
+        return ask(self._starter.line, setup, request, lane=lane, until_s=until_s)
 
     def take_rows(self, rows: Mapping[str, tuple[int, ...]], *, at_s: float) -> None:
         """Keep rows that were just read; those of another family are not published."""
