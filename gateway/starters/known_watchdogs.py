@@ -17,7 +17,7 @@ from typing import Annotated
 from pydantic import Field, TypeAdapter
 
 from gateway.contract import CommandError, Note, Reason, ResultCode
-from gateway.families import Procedure, Profile, diagnosis, once_per_profile
+from gateway.families import Procedure, Profile, diagnosis
 from gateway.line import LineClient, Poll, capacity
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.store import Documents
@@ -150,14 +150,9 @@ class KnownWatchdogs:
         return [(each, self.polls(each)) for each in setups]
 
 
-@once_per_profile
-def setting_codes(profile: Profile) -> frozenset[str]:
-    """Return the rows that say what a starter's watchdog is."""
-    return frozenset(diagnosis.watchdog_codes(profile))
-
-
 def _watchdog_rows(profile: Profile, rows: Rows) -> Rows:
-    return {code: rows[code] for code in setting_codes(profile) & rows.keys()}
+    """Return those of the rows that say what a starter's watchdog is."""
+    return {code: rows[code] for code in diagnosis.watchdog_codes(profile) if code in rows}
 
 
 def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:

@@ -41,10 +41,9 @@ class _Polled:
 
     block: reading.Block
     every_s: float
-    last_s: float | None = None  # of the last answer; None since the starter was lost
+    last_s: float | None = None  # of the last answer; None since the starter was lost, or this is overdue
     gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
     stretch: float = 1.0  # of the line's periods at the last answer, by which its next time was planned
-    is_overdue: bool = False
     refusals: int = 0  # in a row
     exception: int = 0  # the code of the latest
 
@@ -64,7 +63,7 @@ class _Polled:
 
     def overdue_s(self, stretch: float) -> float:
         """Return when the values of this block are stale unless it is answered before."""
-        if self.last_s is None or self.is_overdue:
+        if self.last_s is None:
             return inf
         gap_s = UNKNOWN_GAP_S if self.gap_s is None else 0.0
         return self.last_s + OVERDUE_PERIODS * max(self.period_s(stretch), gap_s) + OVERDUE_GRACE_S
@@ -96,7 +95,7 @@ class Polling:
         if polled.last_s is not None:
             slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
-        polled.last_s, polled.is_overdue = at_s, False
+        polled.last_s = at_s
         self.next_overdue_s = min(self.next_overdue_s, polled.overdue_s(stretch))
         if polled.refusals:
             if polled.is_refused:
@@ -146,7 +145,7 @@ class Polling:
     def note_silence(self) -> None:
         """Record that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
-            polled.last_s, polled.gap_s, polled.is_overdue, polled.refusals = None, None, False, 0
+            polled.last_s, polled.gap_s, polled.refusals = None, None, 0
 
     def withdraw(self) -> None:
         """Ask for nothing any more."""
@@ -196,7 +195,7 @@ class Polling:
         for polled in self._polled.values():
             overdue_s = polled.overdue_s(stretch)
             if overdue_s <= now_s:
-                polled.is_overdue = True
+                polled.last_s = None
                 codes += polled.block.codes
             else:
                 self.next_overdue_s = min(self.next_overdue_s, overdue_s)

@@ -377,8 +377,8 @@ class StarterTelemetry:
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
         if not self.availability.is_online:
-            gone = partial(phrase, EventCode.WENT_SILENT, "gone")
-            return gone(reason=self.availability.reason) if self.availability.was_lost else ""
+            reason, was_lost = self.availability.reason, self.availability.was_lost
+            return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if was_lost else ""
         standing = self.contact.standing
         return standing.contradiction if standing.is_readable else standing.reason
 

@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
 
 from gateway.contract import Event, EventCode, Severity, event_of
 from gateway.families import Alarm
@@ -75,9 +74,9 @@ def _raised(alarm: Alarm, earlier: AlarmStatus | None, time_s: float) -> AlarmSt
 
 
 def _event(known: AlarmStatus) -> Event:
-    alarm = known.alarm
-    said = partial(event_of, alarm=alarm.code, severity_=alarm.severity, count=known.count)
+    code, kind, count = known.alarm.code, known.alarm.severity, known.count
     if not known.is_active:
-        return said(EventCode.CLEARED, title=alarm.title)
-    severity = Severity.ERROR if known.is_fault else Severity.WARNING
-    return said(EventCode.ALARM, severity=severity, title=named([known]))
+        title = known.alarm.title
+        return event_of(EventCode.CLEARED, alarm=code, severity_=kind, count=count, title=title)
+    severity, title = Severity.ERROR if known.is_fault else Severity.WARNING, named([known])
+    return event_of(EventCode.ALARM, severity=severity, alarm=code, severity_=kind, count=count, title=title)
