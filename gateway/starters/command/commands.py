@@ -11,7 +11,6 @@ import asyncio
 import itertools
 from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from typing import Any
 from weakref import WeakValueDictionary
 
 from gateway.contract import (
@@ -91,7 +90,7 @@ class Commands:
     on_stop: Callable[[], None]  # called once a stop's frames are asked for
 
     def __post_init__(self) -> None:
-        ledger = Ledger(on_forgotten=self.journal.forget)
+        ledger = Ledger(now_s=self.records.clock.now_s, on_forgotten=self.journal.forget)
         self._reporting = Reporting(self.records, ledger, self.journal, self.proofs.stood_still_s)
         self.under_way = UnderWay(self.starters, self._reporting)
         self._admission = Admission(self.starters, self.policy, self.proofs)
@@ -124,8 +123,8 @@ class Commands:
         """
         try:
             self._admission.check_sender(request)
-            self._demand_open(request)
             if request.verb != STOP:
+                self._demand_open()
                 self._preview(request, self.starters[request.starter])
         except CommandError as error:
             return error
@@ -137,13 +136,13 @@ class Commands:
 
     def recall(self, commands: Iterable[Remembered]) -> None:
         """Record the commands of earlier runs, the oldest first; publish once what was cut short."""
-        ledger, now_s = self._reporting.ledger, self._reporting.now_s()
+        ledger = self._reporting.ledger
         for result, may_be_written in commands:
             known = ledger.find(result.client, result.id)
             if known is not None and known.result.phase is not Phase.REJECTED:
                 continue  # a stop that came before the ledger could be read; all else was refused
             if result.phase.is_final:
-                ledger.store(result, now_s=now_s)  # its age begins now: no clock says it
+                ledger.store(result)  # its age begins now: no clock says it
             else:
                 self._end_crashed(result, may_be_written=may_be_written)
 
@@ -173,10 +172,10 @@ class Commands:
         rows, points = rows_for(preparation, starter.snapshot.rows), starter.snapshot.good_values()
         judge(request, starter, preparation, Guard(request, self.policy), rows=rows, points=points)
 
-    def _demand_open(self, request: CommandRequest) -> None:
+    def _demand_open(self) -> None:
         if self.under_way.is_closing:
             raise CommandError(ResultCode.SHUTTING_DOWN)
-        if request.verb != STOP and (trouble := self.journal.trouble):
+        if trouble := self.journal.trouble:
             raise CommandError(ResultCode.NOT_STORED, "trouble", trouble=trouble)
 
     def _answer(self, request: CommandRequest, refusal: CommandError | None) -> None:
@@ -218,17 +217,17 @@ class Commands:
         """Take a command that is not known yet; refuse one that cannot even begin."""
         starter = self.starters[request.starter]
         try:
-            self._demand_open(request)
+            self._demand_open()
             if request.verb in OWN_VERBS:
-                self._take_own(request, starter)
+                self._do_own(request, starter)
             else:
-                self._take_for(starter, request)
+                self._begin(request, starter)
         except CommandError as refusal:
             # Without the ledger, what it has may say something else.
             is_stored = refusal.code != ResultCode.NOT_STORED
             self._refuse(request, refusal, Retention.DISK if is_stored else Retention.RUN)
 
-    def _take_for(self, starter: StarterTelemetry, request: CommandRequest) -> None:
+    def _begin(self, request: CommandRequest, starter: StarterTelemetry) -> None:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
         preparation = self._admission.check_target(request, starter)
         self.under_way.demand_free(request)
@@ -238,7 +237,7 @@ class Commands:
         report.accept()
         self.under_way.begin(report, replace(preparation, reads=reads), guard)
 
-    def _take_own(self, request: CommandRequest, starter: StarterTelemetry) -> None:
+    def _do_own(self, request: CommandRequest, starter: StarterTelemetry) -> None:
         """Carry out one of the gateway's own verbs; CommandError when it must not be."""
         deed = self._own_verbs.judge(request, starter)
         if request.verb == SELECT:
@@ -270,8 +269,9 @@ class Commands:
         elif is_full:
             self._overload.answer(request, is_stopped=True)
         else:
-            how: dict[str, Any] = {"is_repeat": earlier is not None, "retention": Retention.BEHIND}
-            self._join(CommandReport(request, self._reporting, **how), names)
+            is_repeat = earlier is not None
+            report = CommandReport(request, self._reporting, is_repeat=is_repeat, retention=Retention.BEHIND)
+            self._join(report, names)
 
     def _join(self, report: CommandReport, stopped: Collection[str]) -> None:
         """Have a stop answered whose frames are asked for; of a group with an answer for each member too."""

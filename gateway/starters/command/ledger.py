@@ -59,6 +59,7 @@ class LedgerEntry:
 class Ledger:
     """Remembers (client, id) with the latest result; bounded in number and age."""
 
+    now_s: Callable[[], float]  # the steady clock
     most_entries: int = MOST_ENTRIES
     on_forgotten: Callable[[Sequence[Key]], None] = lambda _: None
 
@@ -69,10 +70,11 @@ class Ledger:
         """Return the command that has been taken under this id; None when there was none."""
         return self._entries.get((client, id_ or ""))
 
-    def store(self, result: ResultRecord, *, now_s: float, is_published: bool = True) -> bool:
+    def store(self, result: ResultRecord, *, is_published: bool = True) -> bool:
         """Store a result as the latest under its id; return whether it was, which needs an id."""
         if not result.id:
             return False
+        now_s = self.now_s()
         entry = self._entries.setdefault((result.client, result.id), LedgerEntry(result, now_s, is_published))
         if not entry.is_harmless and result.verb in _REPEATABLE:
             return False  # a stop under a used id is carried out all the same, and may be again

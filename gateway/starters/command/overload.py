@@ -25,7 +25,7 @@ class Overload:
     def admits(self, request: CommandRequest) -> bool:
         """Count a command and return whether it is within the limit of its client."""
         bucket = self._buckets.setdefault(self._client(request), Bucket(OF_CLIENT))
-        return bucket.take(self._reporting.now_s())
+        return bucket.take(self._reporting.records.clock.now_s())
 
     def answer(self, request: CommandRequest, *, is_stopped: bool = False) -> None:
         """Answer a command now, or count it; one whose id is known gets no answer.

@@ -93,10 +93,6 @@ class Reporting:
     journal: Journal
     stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
 
-    def now_s(self) -> float:
-        """Return the steady clock's time."""
-        return self.records.clock.now_s()
-
     def audit(self, request: CommandRequest, decision: str, code: str, **sides: Any) -> None:
         """Record one decision about a command; `sides` are the points `before` and `after` its write."""
         records = self.records
@@ -207,26 +203,22 @@ class CommandReport:
         self.reporting.audit(self.request, end.phase, end.reason.code, **sides)
 
     def _report(self, end: Final) -> None:
-        result, journal = self._result(end), self.reporting.journal
+        result, ledger, journal = self._result(end), self.reporting.ledger, self.reporting.journal
         if self.retention is Retention.AUDIT:
             return
         # That something may be written is on the disk already.
         if self.retention is Retention.DISK and end.phase is not Phase.WRITTEN:
             if self._latest is None:  # a copy of the command must be known for one from now on
-                self._store(result, is_published=False)
+                ledger.store(result, is_published=False)
             self._latest = result
             journal.note(result, then=partial(self._publish_end, result))
             return
-        is_known = self.retention is not Retention.NONE and self._store(result)
+        is_known = self.retention is not Retention.NONE and ledger.store(result)
         if self.retention is Retention.BEHIND:
             # Where the ledger keeps the result of another command under this id, a stop is stored without it.
             journal.note(result if is_known else replace(result, id=None))
         if result.starter and result.client:  # else there is no topic for a result, only the audit
             self.reporting.records.put(result)
-
-    def _store(self, result: ResultRecord, *, is_published: bool = True) -> bool:
-        ledger = self.reporting.ledger
-        return ledger.store(result, now_s=self.reporting.now_s(), is_published=is_published)
 
     def _publish_end(self, result: ResultRecord) -> None:
         """Publish what is on the disk now, for repetitions too: no crash changes an end that is known.
@@ -236,7 +228,7 @@ class CommandReport:
         if self._is_over:
             return
         self._is_over = result.phase.is_final
-        self._store(result)
+        self.reporting.ledger.store(result)
         self.reporting.records.put(result)
 
 

@@ -86,10 +86,7 @@ class UnderWay:
         run = self._runs.get(name)
         if run is not None:
             run.wire.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
-        stopping = self._stopping(name)
-        if run is not None and run.report.request.verb == "jog":
-            stopping.frames.with_jog = True  # it may have been written, and not yet be seen
-        stopping.ask()
+        self._stopping(name).ask(with_jog=run is not None and run.report.request.verb == "jog")
 
     def answered_stops(self, name: str) -> int:
         """Return how many stop commands of a starter are under way and will be answered."""
@@ -161,9 +158,7 @@ class UnderWay:
         """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
         own = CommandReport(request, self.reporting, retention=Retention.AUDIT)
-        stopping = self._stopping(request.starter)
-        stopping.frames.with_jog = True
-        order = stopping.ask(released)
+        order = self._stopping(request.starter).ask(released)
         order.report = own
         own.accept()
         return order

@@ -24,9 +24,10 @@ def result(id_: str | None, what: str) -> ResultRecord:
 def known_of(*stored: tuple[str, str, float], room: int = 2) -> str:
     """Store results (id, verb and phase, when) in a ledger of two; return the ids that it knows then."""
     gone: list[Key] = []
-    ledger = Ledger(most_entries=room, on_forgotten=gone.extend)
-    for id_, what, now_s in stored:
-        ledger.store(result(id_, what), now_s=now_s)
+    times_s = iter([now_s for _, _, now_s in stored])
+    ledger = Ledger(now_s=lambda: next(times_s), most_entries=room, on_forgotten=gone.extend)
+    for id_, what, _ in stored:
+        ledger.store(result(id_, what))
     known = [id_ for id_ in dict.fromkeys(each for each, _, _ in stored) if ledger.find("alice", id_)]
     assert {id_ for _, id_ in gone}.isdisjoint(known)
     return " ".join(known)
@@ -64,11 +65,11 @@ def test_what_was_acted_on_stays_beyond_the_room_until_its_proof_is_over() -> No
 
 
 def test_an_id_is_its_clients_and_a_stop_without_one_has_no_entry() -> None:
-    ledger = Ledger()
-    ledger.store(result("1", START), now_s=0.0)
+    ledger = Ledger(now_s=lambda: 0.0)
+    ledger.store(result("1", START))
 
     assert ledger.find("bob", "1") is None
-    assert not ledger.store(result(None, STOP), now_s=11.0)
+    assert not ledger.store(result(None, STOP))
 
 
 def test_ten_thousand_commands_are_remembered() -> None:

@@ -45,7 +45,7 @@ class StopOrder:
     """One stop message, or the gateway's own order to take a start back."""
 
     frame: int  # the number of its own frame
-    came_s: float
+    until_s: float  # when its time is up
     report: CommandReport | None = None  # None: it gets no answer of its own
     released: Expect | None = None  # of a start that is taken back: what must be read besides
     over: asyncio.Event = field(default_factory=asyncio.Event)
@@ -53,11 +53,6 @@ class StopOrder:
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
     good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
     good_s: float = -inf  # when the last of them was there
-
-    @property
-    def until_s(self) -> float:
-        """Return when its time is up."""
-        return self.came_s + DEADLINE_S
 
     @property
     def is_written(self) -> bool:
@@ -104,13 +99,15 @@ class Stopping:
         self._unread = 0  # the latest of them in a row that were not answered
         self._shown: dict[str, Any] = {}  # by the latest of them
 
-    def ask(self, released: Expect | None = None) -> StopOrder:
+    def ask(self, released: Expect | None = None, *, with_jog: bool = False) -> StopOrder:
         """Have a frame sent for one more message, and see it through; a report gives it an answer.
 
         `released`: to take back what a command may have left in the starter, until that is read as well.
+        `with_jog`: a jog may have been written that no reading has shown.
         """
+        self.frames.with_jog |= with_jog or released is not None
         self._orders = [order for order in self._orders if order.report]
-        self._orders.append(StopOrder(self.frames.ask(), self.wire.now_s(), released=released))
+        self._orders.append(StopOrder(self.frames.ask(), self.wire.now_s() + DEADLINE_S, released=released))
         return self._orders[-1]
 
     def join(self, report: CommandReport) -> None:
