@@ -131,11 +131,7 @@ class Polling:
 
     def refusal(self) -> str:
         """Return in words which rows that decide state, fault or watchdog are refused; empty for none."""
-        refused = [
-            each
-            for each in self._polled.values()
-            if each.is_refused and len(each.block.codes) == 1 and self.is_vital(each.block)
-        ]
+        refused = [each for each in self._polled.values() if each.is_refused and self.is_vital(each.block)]
         if not refused:
             return ""
         codes = ", ".join(code for each in refused for code in each.block.codes)
