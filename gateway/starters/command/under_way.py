@@ -62,12 +62,12 @@ class UnderWay:
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
-        starter, slot = self.starters[name], asyncio.Semaphore(AT_ONCE)
+        starter, slot = self.starters[name], None
         if verb != READ:  # which changes nothing at the starter, and needs no slot
             if name in self._stops:
                 self._stops.pop(name).give_way()
             line = starter.setup.line, verb in CAN_WAIT  # the two do not wait for each other
-            slot = self._slots.setdefault(line, slot)
+            slot = self._slots.setdefault(line, asyncio.Semaphore(AT_ONCE))
         run = CommandRun(Judge(report, starter, preparation, guard), slot, self._run_off)
         self._carry_out(self._runs, name, run)
 

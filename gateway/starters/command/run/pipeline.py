@@ -66,7 +66,7 @@ class CommandRun:
     """One accepted command under way; `run` or else `cut` gives the command's final result."""
 
     judge: Judge
-    slot: asyncio.Semaphore  # among the commands of its line, until its first write
+    slot: asyncio.Semaphore | None  # among the commands of its line, until its first write; None: none needed
     run_off: RunOffBy
 
     def __post_init__(self) -> None:
@@ -105,8 +105,9 @@ class CommandRun:
         return await self._abandoned(end)
 
     async def _carried_out(self) -> Final:
-        await self.wire.wait_for(self.slot.acquire())
-        self._held_slot.callback(self.slot.release)
+        if self.slot is not None:
+            await self.wire.wait_for(self.slot.acquire())
+            self._held_slot.callback(self.slot.release)
         decision = await self.judge.decide()
         if decision.procedure.steps:
             # The watchdog of its line first, then the disk; rules and lock are judged for the last time.

@@ -165,6 +165,7 @@ class Stopping:
             if self._orders:  # a silent starter costs its line a time-out each time
                 pause_s = READ_BACK_PAUSE_S if self._unread < EQUAL_READINGS else UNREAD_PAUSE_S
                 await self.wire.wait_for(asyncio.sleep(pause_s))
+        self.frames.close()
 
     async def _read_back(self) -> Collection[StopOrder]:
         """Read once; return the orders for which that shows what they are for."""
