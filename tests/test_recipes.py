@@ -14,11 +14,12 @@ import pytest
 
 from gateway.contract import STOP, CommandRequest, Topics
 from gateway.mqtt.commands import Incoming, command_in
-from gateway.starters import RunToken, Tokens
+from gateway.starters import Tokens
 from gateway.starters.policy.freshness import ArrivalTime, dated
 
 NOW, NOW_S = "2026-11-21T01:02:03Z", 1_795_222_923.0
-TOKEN = "token-1"  # made when everything arrives
+TOKENS = Tokens("boot-1")
+TOKEN = TOKENS.issue(7.0)  # when everything arrives
 TOP = Path(__file__).parents[1]
 PAGE = (TOP / "docs" / "recipes.md").read_text("utf-8")
 BASE = "starters/mcc1"
@@ -31,8 +32,6 @@ def examples(language: str) -> list[str]:
 
 def request(topic: str, payload: str) -> CommandRequest:
     """Return the command that a message is; it is fresh, or needs not be."""
-    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
-    tokens.issue(7.0)
     address = Topics(BASE).parse_command(topic)
     assert address is not None
     received = command_in(address, Incoming(topic, payload.encode()), 7.0, verb_error=lambda *_: None)
@@ -40,7 +39,7 @@ def request(topic: str, payload: str) -> CommandRequest:
     judged = received.request
     if judged.verb != STOP:
         moment = ArrivalTime(7.0, NOW_S)
-        dated(judged, freshness=("token",), tokens=tokens, moment=moment)
+        dated(judged, freshness=("token",), tokens=TOKENS, moment=moment)
     return judged
 
 

@@ -27,11 +27,8 @@ from gateway.plugins.history.plugin import History
 from gateway.plugins.interface import Gateway, Plugin
 from gateway.starters import (
     Commands,
-    KnownWatchdogs,
     Policy,
     Proofs,
-    PublishedFaults,
-    RunToken,
     Tokens,
     serve,
 )
@@ -51,17 +48,16 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     started_s = clock.utc_s()
     clock_watch = ClockWatch(config.gateway.clock, ask=io.is_clock_synchronised)
     suspend_watch = SuspendWatch(clock)
-    boot = RunToken(secrets.token_hex(8))
-    tokens = Tokens(boot)
+    tokens = Tokens(secrets.token_hex(8))
     bus = RecordBus(log_failure)
-    records = RecordWriter(bus, clock, boot=boot.run)
+    records = RecordWriter(bus, clock, boot=tokens.run)
     publish_event: PublishEvent = partial(records.event, "")  # of the gateway's own
     latest = Latest()
 
     # What is stored, and the way to the broker, which needs the store.
     state = StateStore(
         site.state_dir / STATE_FILE,
-        boot=boot.run,
+        boot=tokens.run,
         publish_event=publish_event,
     )
     uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=bus, publish_event=publish_event)
@@ -73,8 +69,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         rights=rights,
         records=records,
         documents=state.documents,
-        watchdogs=KnownWatchdogs(state.documents, in_thread=asyncio.to_thread),
-        published_faults=PublishedFaults(state.documents),
     )
     history = History(
         HistoryStore(site.state_dir / HISTORY_FILE),

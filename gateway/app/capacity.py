@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isinf
 from typing import Any, NamedTuple, get_args
 
@@ -100,7 +100,7 @@ def hint_of(line: LineTable) -> str:
     polls, timing, found = _polls_of(line), timing_of(line), []
 
     def holds(polls: Sequence[Poll], timing: LineTiming = timing) -> bool:
-        return not capacity.missed_deadlines(polls, timing, allowance_s=line.adapter_allowance_s)
+        return not capacity.forecast(polls, timing, allowance_s=line.adapter_allowance_s).missed
 
     allowed = [set(each.profile().bauds or get_args(Baud)) for each in line.starters if each.enabled]
     faster = sorted(baud for baud in set(get_args(Baud)).intersection(*allowed) if baud > line.baud)
@@ -163,9 +163,9 @@ def _polls_of(line: LineTable) -> list[Poll]:
 
 
 def _with_watchdogs(polls: Sequence[Poll], least_s: float) -> list[Poll]:
-    return capacity.with_deadlines(
-        polls, {poll.unit: max(poll.deadline_s, least_s) for poll in polls if poll.deadline_s}
-    )
+    return [
+        replace(poll, deadline_s=max(poll.deadline_s, least_s)) if poll.deadline_s else poll for poll in polls
+    ]
 
 
 def _most(count: int, holds: Callable[[int], bool]) -> int:

@@ -179,7 +179,6 @@ class Plant:
         return [replace(setup, edition=self._edition) for setup in setups_of(table, self._language)]
 
     def _add_starter(self, setup: StarterSetup) -> StarterTelemetry:
-        self._policy.motor_history.add(setup.name)
         starter = StarterTelemetry(
             setup,
             line=self.lines[setup.line],

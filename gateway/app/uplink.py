@@ -75,10 +75,8 @@ class Uplink:
         self._clock = clock
         self._publish_event = publish_event
         self._version: Version | None = None
-        self.outbox = Outbox(
-            last_topic=self.topics.of(StatusRecord), boot=tokens.boot.run, utc_of=clock.utc_s
-        )
-        self.publisher = Publisher(self.topics, tokens.boot, self.outbox, sink=sink, clock=clock)
+        self.outbox = Outbox(last_topic=self.topics.of(StatusRecord), boot=tokens.run, utc_of=clock.utc_s)
+        self.publisher = Publisher(self.topics, tokens, self.outbox, sink=sink, clock=clock)
         self.disk_sync = DiskSync(
             self.outbox,
             store,
@@ -148,7 +146,7 @@ class Uplink:
         self._sink.put(
             GatewayRecord(
                 version=__version__,
-                boot=self._tokens.boot.run,
+                boot=self._tokens.run,
                 starters=tuple(starter.name for starter in config.starters),
                 lines=tuple(line.name for line in config.lines),
                 operators=rights_of(config).operators,
@@ -230,14 +228,14 @@ class Uplink:
         """Publish that the connection came or went; its run token comes and goes with it."""
         if version is not None:
             self._note_version(version)
-            self._tokens.boot.connected(self._clock.now_s())
+            self._tokens.connected(self._clock.now_s())
             self._publish_event(EventCode.BROKER_CONNECTED)
             self.leftovers.connected(self._connection)
             for topic in self._listeners:
                 self._read(topic)
         else:
             self.leftovers.disconnected()
-            self._tokens.boot.disconnected()
+            self._tokens.disconnected()
             self.publisher.restate()  # with the run token of the next connection
             self._publish_event(EventCode.BROKER_AWAY, trouble=trouble)
         self._on_link(trouble if trouble or self.leftovers.is_read else None)

@@ -145,8 +145,8 @@ class Leftovers:
 
     def _take_status(self, incoming: Incoming) -> None:
         fields = _fields_of(incoming)
-        run = fields.get("run", self._tokens.boot.run)
-        if run == self._tokens.boot.run or fields.get("state") == "offline":
+        run = fields.get("run", self._tokens.run)
+        if run == self._tokens.run or fields.get("state") == "offline":
             return
         if incoming.is_retained:
             self._reading.is_doubtful = True

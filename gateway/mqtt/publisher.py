@@ -16,7 +16,7 @@ from gateway.contract import (
 )
 from gateway.mqtt.message import Message, cleared, message_of
 from gateway.mqtt.outbox.outbox import Outbox
-from gateway.starters import RunToken
+from gateway.starters import Tokens
 from gateway.system.clock import Clock
 
 EVERY_S = 30.0  # gateway/outbox
@@ -26,10 +26,10 @@ LOOK_EVERY_S = 1.0  # whether something was dropped or refused
 class Publisher:
     """Implements `gateway.contract.Sink`, and publishes the gateway's own status and info."""
 
-    def __init__(self, topics: Topics, boot: RunToken, outbox: Outbox, *, sink: Sink, clock: Clock) -> None:
+    def __init__(self, topics: Topics, tokens: Tokens, outbox: Outbox, *, sink: Sink, clock: Clock) -> None:
         self._sink = sink  # of the records that it makes itself: they go to all
         self._topics = topics
-        self._boot = boot
+        self._tokens = tokens
         self._outbox = outbox
         self._clock = clock
         self.wake: Callable[[], None] = lambda: None  # has what waits sent, by the connection
@@ -103,7 +103,7 @@ class Publisher:
     def _status(
         self, state: GatewayState, *, time_s: float | None, since_s: float | None, reason: str | None
     ) -> StatusRecord:
-        boot = self._boot
+        tokens = self._tokens
         return StatusRecord(
-            state=state, time_s=time_s, boot=boot.token, since_s=since_s, reason=reason, run=boot.run
+            state=state, time_s=time_s, boot=tokens.boot, since_s=since_s, reason=reason, run=tokens.run
         )

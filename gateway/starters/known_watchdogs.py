@@ -8,31 +8,26 @@ reading, such as the look at the readiness that follows each write; if nothing w
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping, Sequence
+import asyncio
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
 from math import isinf
-from typing import Annotated, TypeVar
+from typing import Annotated
 
 from pydantic import Field, TypeAdapter
 
 from gateway.contract import CommandError, Note, Reason, ResultCode
-from gateway.families import Procedure, Profile, diagnosis, once_per_profile
+from gateway.families import Procedure, Profile, diagnosis
 from gateway.line import LineClient, Poll, capacity
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.store import Documents
-from gateway.system.supervised import InThread
 
 WATCHDOGS = "watchdogs"  # the document
 SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a start that of hundreds
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
 Word = Annotated[int, Field(ge=0, le=0xFFFF, strict=True)]
-T = TypeVar("T")
-
-
-async def _at_once(work: Callable[[], T]) -> T:
-    return work()
+OnLine = Sequence[tuple[StarterSetup, Sequence[Poll]]]  # the starters of a line with their polls
 
 
 @dataclass(slots=True)
@@ -47,23 +42,16 @@ KNOWN_ROWS = TypeAdapter(dict[str, KnownRows])  # by starter
 
 
 class KnownWatchdogs:
-    """Keeps the lines' deadlines, by what an earlier run has saved too. All calls on the app's loop.
+    """Keeps the lines' deadlines, by what an earlier run has saved too. All calls on the app's loop."""
 
-    `in_thread` carries out computations of some tenths of a second.
-    """
-
-    def __init__(self, documents: Documents | None = None, *, in_thread: InThread = _at_once) -> None:
-        self._in_thread = in_thread
-        self._starters: dict[str, tuple[StarterSetup, LineClient | None]] = {}  # in their lines' order
-        self._admitted: dict[
-            str, dict[str, tuple[int, ...]]
-        ] = {}  # by starter: of a set under way, and not yet read
-        self._document = (documents or Documents()).open(
-            WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S
-        )
+    def __init__(self, documents: Documents) -> None:
+        self._starters: dict[str, tuple[StarterSetup, LineClient]] = {}  # in their lines' order
+        # By starter: the rows of a `set` under way that were not read yet.
+        self._admitted: dict[str, dict[str, tuple[int, ...]]] = {}
+        self._document = documents.open(WATCHDOGS, KNOWN_ROWS, self.known, delay_s=SAVED_TOGETHER_S)
         self._known = self._document.loaded or {}
 
-    def add(self, setup: StarterSetup, line: LineClient | None = None) -> None:
+    def add(self, setup: StarterSetup, line: LineClient) -> None:
         """Keep the watchdog of a starter on its line from now on."""
         self._starters[setup.name] = setup, line
 
@@ -99,11 +87,15 @@ class KnownWatchdogs:
         """Record settings that were just read, among others the watchdog's."""
         setup, _ = self._starters.get(name, _UNKNOWN)
         found = {} if setup is None else _watchdog_rows(setup.profile, rows)
-        if found:
-            admitted = self._admitted.get(name, {})
-            for code in [code for code, words in admitted.items() if found.get(code) == words]:
-                del self._admitted[name][code]
-            self._take(name, {**self.rows(name), **found})
+        if not found:
+            return
+        admitted = self._admitted.get(name, {})
+        for code in [code for code, words in admitted.items() if found.get(code) == words]:
+            del admitted[code]
+        known = KnownRows({**self.rows(name), **found})
+        if known != self._known.get(name):
+            self._known[name] = known
+            self._keep(name)
 
     async def admit(self, name: str, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that a procedure sets; a shorter one counts from now on.
@@ -113,15 +105,14 @@ class KnownWatchdogs:
         setup, _ = self._starters.get(name, _UNKNOWN)
         if setup is None:
             return
-        requests, before_s = (step.request for step in procedure.steps), self._limits_s(setup)
+        requests, before = (step.request for step in procedure.steps), self._on_line(setup)
         written = _watchdog_rows(setup.profile, diagnosis.written_rows(setup.profile, requests))
-        limit_s, earlier_s = _limit_s(setup, {**self.rows(name), **written}), before_s.get(setup.address)
+        limit_s, earlier_s = _limit_s(setup, {**self.rows(name), **written}), self.limit_s(setup)
         if not limit_s or (earlier_s and limit_s >= earlier_s):
             return  # the line keeps a longer one, too, until that is read
         self._admitted[name] = dict(written)  # before it is judged: another `set` on this line must see it
         self._keep(name)
-        on_line, after_s = self._on_line(setup), self._limits_s(setup)
-        error = await self._in_thread(partial(_refusal, setup, on_line, before_s=before_s, after_s=after_s))
+        error = await asyncio.to_thread(_refusal, setup, before, limit_s)
         if error is not None:
             self.end(name, is_written=False)
             raise error
@@ -136,22 +127,15 @@ class KnownWatchdogs:
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
-        on_line = [each for each in self._on_line(setup) if each.is_enabled]
-        gap_s: float | None = await self._in_thread(partial(_gap_s, setup, on_line, self._limits_s(setup)))
-        return gap_s
+        whole = await asyncio.to_thread(_forecast, setup, self._on_line(setup))
+        return whole.gaps_s.get(setup.address)
 
     async def missed_on(self, setups: Iterable[StarterSetup]) -> dict[str, str]:
         """Return by name, in words, the watchdogs that a line with these starters would miss."""
-        found = [setup for setup in setups if setup.is_enabled]
-        limits_s = {setup.address: self.limit_s(setup) for setup in found}
-        missed: dict[str, str] = await self._in_thread(partial(_missed_on, found, limits_s))
-        return missed
-
-    def _take(self, name: str, rows: Rows) -> None:
-        """Let these be a starter's rows, for its line and for the next run."""
-        if name not in self._known or rows != self._known[name].rows:
-            self._known[name] = KnownRows(dict(rows))
-            self._keep(name)
+        on_line = [(setup, self.polls(setup)) for setup in setups]
+        whole = await asyncio.to_thread(_forecast, on_line[0][0], on_line)
+        names = {setup.address: setup.name for setup, _ in on_line}
+        return {names[each.unit]: _unkept(each, names[each.unit]).text for each in whole.missed}
 
     def _keep(self, name: str) -> None:
         """Have what is known now held by the starter's line and on the disk."""
@@ -160,22 +144,15 @@ class KnownWatchdogs:
         if setup is not None and line is not None and setup.is_enabled:
             line.set_deadline(setup.address, self.limit_s(setup))
 
-    def _on_line(self, setup: StarterSetup) -> list[StarterSetup]:
-        return [each for each, _ in self._starters.values() if each.line == setup.line]
-
-    def _limits_s(self, setup: StarterSetup) -> dict[int, float | None]:
-        return {each.address: self.limit_s(each) for each in self._on_line(setup) if each.is_enabled}
-
-
-@once_per_profile
-def setting_codes(profile: Profile) -> frozenset[str]:
-    """Return the rows that say what a starter's watchdog is."""
-    return frozenset(diagnosis.watchdog_codes(profile))
+    def _on_line(self, setup: StarterSetup) -> OnLine:
+        """Return the starters of this one's line with their polls, which keep them from their watchdogs."""
+        setups = [each for each, _ in self._starters.values() if each.line == setup.line]
+        return [(each, self.polls(each)) for each in setups]
 
 
 def _watchdog_rows(profile: Profile, rows: Rows) -> Rows:
-    codes = setting_codes(profile)
-    return {code: words for code, words in rows.items() if code in codes}
+    """Return those of the rows that say what a starter's watchdog is."""
+    return {code: rows[code] for code in diagnosis.watchdog_codes(profile) if code in rows}
 
 
 def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
@@ -193,24 +170,10 @@ def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
     return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
-def _polls(setups: Iterable[StarterSetup]) -> list[Poll]:
-    return [poll for setup in setups for poll in polls_of(setup)]
-
-
-def _gap_s(setup: StarterSetup, on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> float | None:
-    if setup.timing is None:
-        return None
-    polls = capacity.with_deadlines(_polls(on_line), limits_s)
-    return capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s).gaps_s.get(setup.address)
-
-
-def _missed_on(on_line: Sequence[StarterSetup], limits_s: capacity.Limits) -> dict[str, str]:
-    timing, names = on_line[0].timing if on_line else None, {each.address: each.name for each in on_line}
-    if timing is None:
-        return {}
-    allowance_s = on_line[0].allowance_s
-    missed = capacity.missed_deadlines(_polls(on_line), timing, allowance_s=allowance_s, limits_s=limits_s)
-    return {names[each.unit]: _unkept(each, names[each.unit]).text for each in missed}
+def _forecast(setup: StarterSetup, on_line: OnLine) -> capacity.Forecast:
+    """Return what a starter's line is like; this may take some tenths of a second."""
+    polls = [poll for _, polls in on_line for poll in polls]
+    return capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s)
 
 
 def _unkept(missed: capacity.Missed, starter: str) -> Reason:
@@ -221,25 +184,26 @@ def _unkept(missed: capacity.Missed, starter: str) -> Reason:
     return Reason(ResultCode.WATCHDOG_UNKEPT, "gap", starter=starter, limit_s=limit_s, gap_s=missed.gap_s)
 
 
-def _refusal(
-    setup: StarterSetup,
-    on_line: Sequence[StarterSetup],
-    *,
-    before_s: capacity.Limits,
-    after_s: capacity.Limits,
-) -> CommandError | None:
-    """Return why a line cannot keep a starter's new watchdog, and the shortest it can; None when it can."""
-    polls, timing, names = _polls(on_line), setup.timing, {each.address: each.name for each in on_line}
-    if timing is None:
+def _refusal(setup: StarterSetup, before: OnLine, limit_s: float) -> CommandError | None:
+    """Return why a line cannot keep a starter's shorter watchdog, and the shortest it can; None when it can.
+
+    Another's that is missed already speaks against no change.
+    """
+    names = {each.address: each.name for each, _ in before}
+    known = {each.unit for each in _forecast(setup, before).missed} - {setup.address}
+
+    def missed(limit_s: float) -> list[capacity.Missed]:
+        after = [
+            (each, [replace(poll, deadline_s=limit_s) for poll in polls] if each is setup else polls)
+            for each, polls in before
+        ]
+        return [each for each in _forecast(setup, after).missed if each.unit not in known]
+
+    found = missed(limit_s)
+    if not found:
         return None
-    judged = partial(capacity.newly_missed, polls, timing, allowance_s=setup.allowance_s, before_s=before_s)
-    missed = judged(after_s=after_s)
-    if not missed:
-        return None
-    first = min(missed, key=lambda each: each.unit != setup.address)  # its own goes before others'
-    shortest_s = capacity.least_whole(
-        lambda limit_s: not judged(after_s={**before_s, setup.address: limit_s})
-    )
+    first = min(found, key=lambda each: each.unit != setup.address)  # its own goes before others'
+    shortest_s = capacity.least_whole(lambda limit_s: not missed(limit_s))
     note = Note("watchdog_off", starter=setup.name)
     if shortest_s is not None:
         note = Note("watchdog_shortest", starter=setup.name, shortest_s=shortest_s)

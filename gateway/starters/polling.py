@@ -41,10 +41,9 @@ class _Polled:
 
     block: reading.Block
     every_s: float
-    last_s: float | None = None  # of the last answer; None since the starter was lost
+    last_s: float | None = None  # of the last answer; None since the starter was lost, or this is overdue
     gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
     stretch: float = 1.0  # of the line's periods at the last answer, by which its next time was planned
-    is_overdue: bool = False
     refusals: int = 0  # in a row
     exception: int = 0  # the code of the latest
 
@@ -64,7 +63,7 @@ class _Polled:
 
     def overdue_s(self, stretch: float) -> float:
         """Return when the values of this block are stale unless it is answered before."""
-        if self.last_s is None or self.is_overdue:
+        if self.last_s is None:
             return inf
         gap_s = UNKNOWN_GAP_S if self.gap_s is None else 0.0
         return self.last_s + OVERDUE_PERIODS * max(self.period_s(stretch), gap_s) + OVERDUE_GRACE_S
@@ -77,7 +76,6 @@ class Polling:
         self._setup = setup
         self._line = line
         self._state = ""  # of the starter, by which the pace is chosen
-        self._variant = setup.variant
         self._plan = blocks_of(setup, setup.variant)
         self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
@@ -97,7 +95,7 @@ class Polling:
         if polled.last_s is not None:
             slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
-        polled.last_s, polled.is_overdue = at_s, False
+        polled.last_s = at_s
         self.next_overdue_s = min(self.next_overdue_s, polled.overdue_s(stretch))
         if polled.refusals:
             if polled.is_refused:
@@ -133,11 +131,7 @@ class Polling:
 
     def refusal(self) -> str:
         """Return in words which rows that decide state, fault or watchdog are refused; empty for none."""
-        refused = [
-            each
-            for each in self._polled.values()
-            if each.is_refused and len(each.block.codes) == 1 and self.is_vital(each.block)
-        ]
+        refused = [each for each in self._polled.values() if each.is_refused and self.is_vital(each.block)]
         if not refused:
             return ""
         codes = ", ".join(code for each in refused for code in each.block.codes)
@@ -147,13 +141,7 @@ class Polling:
     def note_silence(self) -> None:
         """Record that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
-            polled.last_s, polled.gap_s, polled.is_overdue, polled.refusals = None, None, False, 0
-
-    def set_every(self, every_s: float) -> None:
-        """Apply another period for the status and the electrical values."""
-        self._setup = replace(self._setup, every_s=every_s)
-        self._keep_pace()
-        self.replan(self._variant)  # extra points may be read otherwise
+            polled.last_s, polled.gap_s, polled.refusals = None, None, 0
 
     def withdraw(self) -> None:
         """Ask for nothing any more."""
@@ -168,10 +156,11 @@ class Polling:
         for block in self._plan:
             self._add(block)
 
-    def replan(self, variant: Variant) -> None:
-        """Ask for what a starter of this variant has."""
-        self._variant = variant
-        plan = blocks_of(self._setup, variant)
+    def replan(self, setup: StarterSetup, variant: Variant) -> None:
+        """Ask for what a starter of this variant has, as often as this set-up says."""
+        self._setup = setup
+        self._keep_pace()
+        plan = blocks_of(setup, variant)
         if plan != self._plan and not self.is_withdrawn:
             self._plan = plan
             self.restore()
@@ -202,7 +191,7 @@ class Polling:
         for polled in self._polled.values():
             overdue_s = polled.overdue_s(stretch)
             if overdue_s <= now_s:
-                polled.is_overdue = True
+                polled.last_s = None
                 codes += polled.block.codes
             else:
                 self.next_overdue_s = min(self.next_overdue_s, overdue_s)
@@ -237,7 +226,7 @@ class Polling:
                 self._line.set_every(key, every_s)
 
     def _every_s(self, block: reading.Block) -> float:
-        every_s = self._setup.period_of(block)
+        every_s = block.period_s(self._setup.every_s)
         if self._state in BUSY_STATES and block.group in (reading.STATUS, reading.VALUES):
             return min(every_s, FAST_S)
         is_slower = self._state in IDLE_STATES and block.group == reading.VALUES

@@ -22,11 +22,11 @@ class StarterSetup:
     address: int  # 1..247
     profile: Profile
     variant: Variant  # what the configuration says of it; it wins over what the starter says
+    timing: LineTiming  # of its line
     every_s: float = 1.0  # status and electrical values; 0 = as often as the line allows
     response_time_s: float | None = None  # None: as the manual says
     is_enabled: bool = True
     watchdog_s: float | None = None  # of the communication, as set in the starter; 0: off; None: not stated
-    timing: LineTiming | None = None  # of its line; None: reads are not joined by what they cost
     allowance_s: float = ALLOWANCE_S  # of its line: what adapter and machine add to a reply's way
     title: str | None = None  # for people; None: its name
     edition: int = 0  # of the configuration: a late answer to a poll of an earlier one is ignored
@@ -40,10 +40,6 @@ class StarterSetup:
         if isinstance(request, WriteRegisters):  # its time is per register (ssw07 5.3.1, ssw06-es 5.3.1)
             return max(allowed_s, timing.write_per_register_s * len(request.words))
         return allowed_s
-
-    def period_of(self, block: reading.Block) -> float:
-        """Return how often a block is read, whatever the state of the motor."""
-        return block.period_s(self.every_s)
 
     def key_of(self, block: reading.Block) -> str:
         """Return the key of a block's poll."""
@@ -75,7 +71,8 @@ def blocks_of(setup: StarterSetup, variant: Variant) -> tuple[reading.Block, ...
 def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
     """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
     return tuple(
-        setup.poll_of(block, every_s=setup.period_of(block)) for block in blocks_of(setup, setup.variant)
+        setup.poll_of(block, every_s=block.period_s(setup.every_s))
+        for block in blocks_of(setup, setup.variant)
     )
 
 

@@ -15,18 +15,17 @@ from typing import assert_never
 
 from gateway.contract import CommandError, EventCode, RecordWriter, phrase
 from gateway.errors import PortLostError
-from gateway.families import Identity, Profile, Read, Variant, reading
+from gateway.families import Identity, Profile, Variant, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
-from gateway.starters.bulk_read import BulkReading, read_in_bulk
+from gateway.starters.bulk_read import BulkReading, read_in_bulk, short_reads
 from gateway.starters.description import info_of
 from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
-from gateway.starters.known_watchdogs import KnownWatchdogs, setting_codes
+from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.polling import Polling
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
 from gateway.starters.state import (
     NO_POINTS,
-    REFRESH_S,
     SOONEST_S,
     Availability,
     Happenings,
@@ -79,37 +78,35 @@ class StarterTelemetry:
         *,
         line: LineClient,
         records: RecordWriter,
-        identities: IdentityRegistry | None = None,
-        watchdogs: KnownWatchdogs | None = None,
-        published_faults: PublishedFaults | None = None,
-        lock_of: LockOf = lambda _: None,
-        refresh_s: float = REFRESH_S,
+        identities: IdentityRegistry,
+        watchdogs: KnownWatchdogs,
+        published_faults: PublishedFaults,
+        lock_of: LockOf,
+        refresh_s: float,
     ) -> None:
-        faults = published_faults or PublishedFaults()
         self.setup = setup
         self.line = line
         self.variant = setup.variant
-        self.snapshot = Snapshot({})
-        self.snapshot.state = unread(setup.profile, faults.of(setup.name))
-        self.emitter = self._publisher = StatePublisher(
+        self.snapshot = Snapshot(unread(setup.profile, published_faults.of(setup.name)))
+        self._publisher = StatePublisher(
             setup.name,
             records,
             setup.profile,
-            faults=faults,
+            faults=published_faults,
             lock_of=lock_of,
             refresh_s=refresh_s,
             look=self._look,
         )
-        self.availability = Availability(self.emitter)
+        self.event = partial(records.event, setup.name)
+        self.availability = Availability(setup.name, records)
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self.services: list[StarterService] = []
         self._clock = records.clock
         self._replies = ReplyReader(setup.profile, self._known_rows)
         self._polling = Polling(setup, line)
-        self.watchdogs = watchdogs or KnownWatchdogs()
+        self.watchdogs = watchdogs
         self.watchdogs.add(setup, line)
-        identities = identities or IdentityRegistry(records)
-        self._contact = Contact(
+        self.contact = Contact(
             setup,
             line,
             registry=identities,
@@ -117,7 +114,6 @@ class StarterTelemetry:
             on_rows=partial(self.watchdogs.note, setup.name),
             on_judged=self._take_identity,
         )
-        identities.when_accepted(setup.name, self._contact.accept)
 
     @property
     def profile(self) -> Profile:
@@ -146,10 +142,11 @@ class StarterTelemetry:
             asked.add_done_callback(lambda _: self._note_written(request))
         return asked
 
-    async def read_rows(self, reads: Iterable[Read]) -> BulkReading | None:
+    async def read_rows(self, codes: Iterable[str]) -> BulkReading | None:
         """Read rows for which everything else goes first; return None when that fails: polls say why."""
+        asked, reads = partial(self.ask, lane=Priority.PATROL), short_reads(self.profile, codes)
         try:
-            found = await read_in_bulk(partial(self.ask, lane=Priority.PATROL), self.profile, reads, tries=1)
+            found = await read_in_bulk(asked, self.profile, reads, tries=1)
         except (CommandError, PortLostError) as error:
             logger.debug("starter=%s not read in the background: %s", self.setup.name, error)
             return None
@@ -169,7 +166,7 @@ class StarterTelemetry:
     def set_every(self, every_s: float) -> None:
         """Apply another period for the status and the electrical values."""
         self.setup = replace(self.setup, every_s=every_s)
-        self._polling.set_every(every_s)
+        self._polling.replan(self.setup, self.variant)
         self.watchdogs.add(self.setup, self.line)
 
     def set_refresh(self, refresh_s: float) -> None:
@@ -185,14 +182,14 @@ class StarterTelemetry:
     def retire(self) -> None:
         """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
         self._publisher.close()
-        self._contact.cancel()
+        self.contact.cancel()
         self._polling.withdraw()
         self.availability.on_trouble("")
         self.watchdogs.remove(self.setup.name)
 
     def end(self, reason: str) -> None:
         """Publish that the starter is no longer watched: offline, all stale; take nothing from now on."""
-        self._contact.cancel()
+        self.contact.cancel()
         self.availability.end(reason)
         self._look(doubts=stale(self.snapshot.readings, self.snapshot.readings))
         self._publisher.publish_values(self.snapshot.state, now_s=self._clock.now_s() + SOONEST_S)
@@ -200,7 +197,7 @@ class StarterTelemetry:
 
     async def close(self) -> None:
         """Do nothing more on its own; call once nothing is handed to it any more."""
-        await self._contact.close()
+        await self.contact.close()
         for service in self.services:
             await service.close()
         self._publisher.close()
@@ -229,7 +226,7 @@ class StarterTelemetry:
             return
         if is_answering and self.is_answering:
             self.snapshot.outdate_rows()
-            self._contact.renew()  # the port was opened again
+            self.contact.renew()  # the port was opened again
         elif is_answering:
             self._come_online()
         elif self.is_answering:
@@ -251,8 +248,6 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if setting_codes(self.profile).isdisjoint(rows):
-            return
         if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.watchdogs.note(self.setup.name, rows)
 
@@ -263,7 +258,7 @@ class StarterTelemetry:
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
         at_s = answer.at_s
         said = self._replies.read(key, block, self.variant, answer.value, at_s=at_s)
-        if self._contact.standing.is_readable:  # else its values grow old
+        if self.contact.standing.is_readable:  # else its values grow old
             self._polling.note_answer(key, at_s=at_s)
         if REFUSED_TOPIC in self.availability.troubles:
             self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
@@ -288,11 +283,11 @@ class StarterTelemetry:
         self.availability.come_online()
         if self.availability.was_lost:
             self._polling.restore()
-        self._contact.begin(is_known=self.watchdogs.is_known(self.setup))
+        self.contact.begin(is_known=self.watchdogs.is_known(self.setup))
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
         self.snapshot.outdate_rows()
-        self._contact.note_silence()
+        self.contact.note_silence()
         self.availability.go_offline(reason, frames)
         self._polling.note_silence()
         self._look(doubts=stale(self.snapshot.readings, self.snapshot.readings))
@@ -303,7 +298,7 @@ class StarterTelemetry:
         """Take what a reply says into the state, publish it, and hand its good values to the recorders."""
         if not self.availability.is_online:
             self._come_online()
-        standing, read = self._contact.standing, Moment(at_s, self._clock.utc_s(at_s))
+        standing, read = self.contact.standing, Moment(at_s, self._clock.utc_s(at_s))
         if not standing.is_readable:
             self._look(read=read)
             return
@@ -346,22 +341,22 @@ class StarterTelemetry:
     @property
     def identity(self) -> Identity:
         """Return what the device said about itself."""
-        return self._contact.standing.identity
+        return self.contact.standing.identity
 
     @property
     def identity_standing(self) -> IdentityStatus:
         """Return whether the device has proved to be the configured family, as before."""
-        return self._contact.standing.status
+        return self.contact.standing.status
 
     @property
     def identity_reason(self) -> str:
         """Return in words why the identity is not matching; empty when it is."""
-        return self._contact.standing.reason
+        return self.contact.standing.reason
 
     @property
     def contradiction(self) -> str:
         """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        return self._contact.standing.contradiction
+        return self.contact.standing.contradiction
 
     def _take_identity(self) -> None:
         """Publish what follows from who answers, and read at once what counts from now on."""
@@ -382,13 +377,13 @@ class StarterTelemetry:
     def _why_unknown(self) -> str:
         """Return why nothing is said of a starter; empty when something is, or it was never read."""
         if not self.availability.is_online:
-            reason = self.availability.lost_reason
-            return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if reason else ""
-        standing = self._contact.standing
+            reason, was_lost = self.availability.reason, self.availability.was_lost
+            return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if was_lost else ""
+        standing = self.contact.standing
         return standing.contradiction if standing.is_readable else standing.reason
 
     def _take_variant(self, variant: Variant) -> None:
         if variant != self.variant:
             self.variant = variant
-            self._polling.replan(variant)
+            self._polling.replan(self.setup, variant)
             self._polling.expedite()  # some rows mean something else now

@@ -124,7 +124,7 @@ def test_starts_stay_as_old_as_they_were_on_a_machine_that_has_run_for_a_year(si
 
     stored = read_document(path, LOCKS, MOTORS)
     assert stored is not None
-    history = MotorHistory(["pump"])
+    history = MotorHistory()
     history.restore(stored, now_s=1000.0, reading=ClockReading(year_s + 5.0, here.utc_s + 5.0, "another"))
     assert history.starts_since("pump", 0.0) == [pytest.approx(1000.0 - 5.0 - age_s)]
 

@@ -22,6 +22,7 @@ from gateway.config.reading import load
 from gateway.contract import EventRecord, Record, RecordWriter, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.plugins.history.delivery import Delivery, Past
 from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import NOTHING
@@ -95,8 +96,8 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
     writer: Any = RecordWriter(records, clock, boot="8c41d07e")
     store: Any = memory
     delivery = Delivery(writer, store, NO_OUTBOX)
-    profile = load_profile("ssw07")
-    setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0))
+    profile, timing = load_profile("ssw07"), LineTiming(19200, Framing.parse("8E1"))
+    setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0), timing)
     history = MotorStarts(setup, delivery, lambda _: None)
     history.restore(Past((), (), ()))
     starts, hours = 0, 0.0

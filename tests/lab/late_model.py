@@ -267,7 +267,7 @@ async def ask(faults: WayFaults, *, seed: int, requests: int, units: int, every_
     polls: list[Poll] = []
     for at in range(1, units + 1):
         profile = load_profile(FAMILIES[at % len(FAMILIES)])
-        polls += polls_of(StarterSetup(f"x{at}", "x", at, profile, Variant(), every_s=every_s, timing=TIMING))
+        polls += polls_of(StarterSetup(f"x{at}", "x", at, profile, Variant(), TIMING, every_s=every_s))
     line = OrderedLine(faults, dice)
     judge = OracleJudge(line, polls, requests)
     host = LineHost(judge.event, has_thread=False)

@@ -58,7 +58,7 @@ def test_all_periods_of_an_over_full_line_are_stretched_by_one_factor() -> None:
 
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_stop_waits_no_longer_for_what_commands_read_than_is_forecast(family: str) -> None:
-    setup = StarterSetup("x", "x", 1, load_profile(family), Variant(), timing=TIMING)
+    setup = StarterSetup("x", "x", 1, load_profile(family), Variant(), TIMING)
 
     prospect = forecast(polls_of(setup), TIMING)
 

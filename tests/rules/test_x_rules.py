@@ -145,6 +145,7 @@ def test_x_11_frames_are_at_least_2_005_ms_apart(baud: int) -> None:
 
 @pytest.mark.parametrize(("family", "each_s"), [("ssw06", 0.010), ("ssw07", 0.020)])
 def test_x_11_a_write_of_many_registers_is_given_its_time_for_each(family: str, each_s: float) -> None:
-    setup = StarterSetup("pump", "line", 1, profile=load_profile(family), variant=Variant())
+    timing = LineTiming(19200, Framing.parse("8E1"))
+    setup = StarterSetup("pump", "line", 1, load_profile(family), Variant(), timing)
 
     assert setup.response_time_of(WriteRegisters(313, (0,) * 10)) >= 10 * each_s

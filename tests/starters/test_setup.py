@@ -7,13 +7,15 @@ import pytest
 from gateway.families import Identity, Variant, load_profile
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteRegisters
 from gateway.starters.setup import StarterSetup, merged
 
 
 def setup(response_time_s: float | None = None) -> StarterSetup:
     profile = load_profile("ssw07")
-    return StarterSetup("pump-1", "pumps", 7, profile, Variant(), response_time_s=response_time_s)
+    timing = LineTiming(19200, Framing.parse("8E1"))
+    return StarterSetup("pump-1", "pumps", 7, profile, Variant(), timing, response_time_s=response_time_s)
 
 
 @pytest.mark.parametrize(

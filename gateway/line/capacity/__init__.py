@@ -3,15 +3,7 @@
 Start at `line_forecast`.
 """
 
-from gateway.line.capacity.deadline_check import (
-    LONGEST_LIMIT_S,
-    Limits,
-    least_whole,
-    missed_deadlines,
-    newly_missed,
-    with_deadlines,
-)
-from gateway.line.capacity.line_forecast import Forecast, Missed, forecast
+from gateway.line.capacity.line_forecast import Forecast, Missed, forecast, least_whole
 from gateway.line.capacity.outage import (
     FEEDS,
     LOOK_S,

@@ -2,7 +2,8 @@
 
 Promised, with any number of commands under way: the load, the sweep, the longest wait of a stop, and the
 longest time that a unit with a watchdog is left (`Forecast.watchdog_gaps_s`). The bounds follow from how
-`Scheduler` chooses. They hold from the second round after the port was opened on, while the units answer,
+`Scheduler` chooses. A watchdog is met when that time is not longer than its own: the one rule for `check`,
+`set` and reload. The bounds hold from the second round after the port was opened on, while the units answer,
 with every reply as late as the line waits for it.
 Stops come on top: each adds its own transaction, and its repeats and read-backs as many as there are
 requests for watchdogs.
@@ -12,7 +13,7 @@ requests for watchdogs.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from math import ceil, inf
 
@@ -29,6 +30,7 @@ from gateway.line.scheduler.requests import Poll
 from gateway.line.scheduler.scheduler import IN_ROW
 from gateway.modbus import LineTiming
 
+LONGEST_LIMIT_S = 1000  # beyond what any family's watchdog can be set to (P314, C8.2.5.3, R41: 999 s)
 _ENDLESS_S = 3600.0  # a wait that is longer has no end
 
 
@@ -126,6 +128,17 @@ def worst_stop_latency_s(
         for request, response_time_s in forms
     )
     return max(waits_s, default=0.0) + timing.silence_s
+
+
+def least_whole(holds: Callable[[float], bool]) -> float | None:
+    """Return the shortest watchdog in whole seconds from which on it holds; None when it holds for none."""
+    low, high = 0, LONGEST_LIMIT_S
+    if not holds(high):
+        return None
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return float(high)
 
 
 def _watchdogs(polls: Sequence[Poll], costs_s: Sequence[float]) -> dict[int, tuple[float, float]]:

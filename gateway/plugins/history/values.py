@@ -27,7 +27,7 @@ from gateway.plugins.history.counters import (
 )
 from gateway.plugins.history.delivery import Delivery, Part, Past
 from gateway.plugins.history.limits import ThermalModel, pause_left_s, starts_left
-from gateway.starters import NO_RULES, Policy, PublicationPace, Readings, StarterSetup, Value
+from gateway.starters import Policy, PublicationPace, Readings, StarterSetup, Value
 from gateway.starters import own_points_of as own_points
 from gateway.store import HistoryRow
 
@@ -194,7 +194,7 @@ class MotorValues(Part):
         policy, rows = self._policy, self._setup.profile.history
         since_s = policy.motor_history.standing_since(self._setup.name)
         starts_s = policy.motor_history.starts_since(self._setup.name, now_s - HOUR_S)
-        rules = policy.settings.rules.get(self._setup.name, NO_RULES)
+        rules = policy.settings.of(self._setup.name)
         left = starts_left(rules.starts_per_hour, starts_s, now_s=now_s)
         self._announce(left)
         pause_s = pause_left_s(

@@ -253,7 +253,7 @@ LINE_VALUES: Mapping[str, Callable[[Mapping[str, Any]], float | None]] = {
 }
 STARTER_VALUES: Mapping[str, Callable[[ShownStarter], float | None]] = {
     "starter_online": lambda starter: starter.is_answering,
-    "starter_last_reply_timestamp_seconds": lambda starter: starter.snapshot.last_s(tuple(Quality)),
+    "starter_last_reply_timestamp_seconds": lambda starter: starter.snapshot.last_s(),
     "starter_last_good_reading_timestamp_seconds": lambda starter: starter.snapshot.last_s(
         (Quality.GOOD, Quality.STALE)
     ),

@@ -57,7 +57,7 @@ class Control:
         if view is None:
             return []
         known = *command.verbs(view.profile), *OWN_VERBS
-        two_step = self._gateway.policy.rulebook.of(starter).two_step
+        two_step = self._gateway.policy.settings.of(starter).two_step
         offers = []
         for verb, args in _offers(known):
             code, text = LOGIN

@@ -164,7 +164,7 @@ class Streams:
     def _age_s(self, starter: str, utc_s: float) -> float | None:
         """Return the time since a starter's last reply."""
         view = self._gateway.starters.get(starter)
-        answered_s = None if view is None else view.snapshot.answered_s
+        answered_s = None if view is None else view.snapshot.last_s()
         return None if answered_s is None else max(round(utc_s - answered_s, 1), 0.0)
 
     def _changed(self, scope: str | None, since: Seen) -> bytes | None:

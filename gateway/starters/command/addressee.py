@@ -17,7 +17,7 @@ from gateway.line import Priority
 from gateway.modbus import Request
 from gateway.starters.setup import Asked, ask, merged
 from gateway.starters.starter import StarterTelemetry
-from gateway.starters.state import Snapshot
+from gateway.starters.state import Snapshot, StarterState
 
 
 class StopAddressee:
@@ -25,7 +25,7 @@ class StopAddressee:
 
     def __init__(self, starter: StarterTelemetry) -> None:
         self._starter, self.name = starter, starter.setup.name
-        self._rows = Snapshot({})  # what was read in another family's words: not for publishing
+        self._rows = Snapshot(StarterState({}))  # what was read in another family's words: not for publishing
 
     def note(self, spoken: Collection[str]) -> Note | None:
         """Return what the result says of the words of a stop, sent in those of these families."""

@@ -83,7 +83,7 @@ class Admission:
             selection = self.policy.selections.take(request, now_s=self.policy.clock.now_s())
             seen = {STATE: selection.state}
             expectations.append(Expectation(starter.profile, seen, ResultCode.STATE_CHANGED))
-        elif request.verb in self.policy.rulebook.of(request.starter).two_step:
+        elif request.verb in self.policy.settings.of(request.starter).two_step:
             raise CommandError(ResultCode.SELECT_FIRST, verb=request.verb)
         return Guard(request, self.policy, expectations)
 

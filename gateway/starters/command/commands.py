@@ -158,7 +158,7 @@ class Commands:
         end = crashed(verb, may_be_written=may_be_written)
         CommandReport(CommandRequest(name, client, verb, id_), self._reporting, step=step).finish(end)
         if may_be_written and name in self.starters:
-            event, outcome = self.starters[name].emitter.event, end.reason.text
+            event, outcome = self.starters[name].event, end.reason.text
             event(EventCode.COMMAND_CUT_SHORT, client=client, id=id_, verb=verb, outcome=outcome)
 
     # Judging

@@ -112,7 +112,7 @@ class OwnVerbs:
         self._set_lock(starter, LockRecord(by=client, since_s=since_s, reason=reason, operator=who))
         if not (yield self.policy.document.saved()):
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "lock"))
-        starter.emitter.event(EventCode.LOCKED, client=client, operator=who, reason=_why(request))
+        starter.event(EventCode.LOCKED, client=client, operator=who, reason=_why(request))
         return Final(Phase.CONFIRMED, Reason(ResultCode.OK, "locked").noted(NOTICE))
 
     def _unlock(self, request: CommandRequest, starter: StarterTelemetry) -> Deed:
@@ -126,7 +126,7 @@ class OwnVerbs:
         if not (yield self.policy.document.saved()):
             self._set_lock(starter, before)
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "unlock"))
-        end, event = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "unlocked")), starter.emitter.event
+        end, event = Final(Phase.CONFIRMED, Reason(ResultCode.OK, "unlocked")), starter.event
         client, who, why = request.client, request.operator, _why(request)
         if before.by == client:
             event(EventCode.UNLOCKED, "own", severity=Severity.INFO, client=client, operator=who, reason=why)
@@ -153,11 +153,11 @@ class OwnVerbs:
 
     # What is compared with later devices and later starts
 
-    def _accept(self, request: CommandRequest, _starter: StarterTelemetry) -> Deed:
+    def _accept(self, _request: CommandRequest, starter: StarterTelemetry) -> Deed:
         """Take the present device for the right one, for this run whether or not that can be stored."""
-        self.policy.identities.waiting(request.starter)
+        starter.contact.waiting()
         report: CommandReport = yield None
-        mismatch = self.policy.identities.accept(request.starter)
+        mismatch = starter.contact.accept()
         report.before, seen = mismatch.known.as_data(), mismatch.seen.as_data()
         if not (yield self.policy.identities.saved()):
             return Final(Phase.FAILED, Reason(ResultCode.NOT_KEPT, "identity"), seen, seen)

@@ -47,7 +47,7 @@ class Proofs:
 
     def _note_suspension(self, seconds: float) -> None:
         """Refuse what was sent before now: it may have waited that long in the broker or a socket."""
-        self.tokens.boot.stood_still(self.suspend_watch.ended_s())
+        self.tokens.stood_still(self.suspend_watch.ended_s())
         self.restate()
         self.publish_event(EventCode.STOOD_STILL, seconds=seconds)
 

@@ -19,9 +19,10 @@ from math import inf
 
 from gateway.contract import CommandError, RecordWriter, ResultCode
 from gateway.errors import PortLostError
-from gateway.families import Identity, Profile, Question, device_of, diagnosis, reading
+from gateway.families import Identity, Profile, Question, device_of, diagnosis
 from gateway.line import Garbled, LineClient, Outcome, Priority, Silent
-from gateway.starters.bulk_read import read_in_bulk
+from gateway.starters.bulk_read import read_in_bulk, short_reads
+from gateway.starters.identity.fingerprint import IdentityMismatch
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.identity.standing import (
     NAME,
@@ -70,8 +71,7 @@ class Contact:
         self._on_judged = on_judged
         self._task = SupervisedTask(f"first contact {setup.name}")
         self.cancel, self.close = self._task.cancel, self._task.close
-        self._answers = Answers()
-        self._is_naming = False  # FC43 is under way
+        self._answers = Answers()  # FC43 counts as missed from when it is put until it is answered
         self._named_s = -inf  # when it was put last
         self._announced = ChangeDetector()  # what the latest event was about, until the starter matches
 
@@ -88,24 +88,29 @@ class Contact:
     def note_silence(self) -> None:
         """Record that the starter went silent, perhaps for its latest question; ask nothing any more."""
         self.cancel()
-        if self._is_naming:
-            self._answers, self._is_naming = self._answers.missed(NAME), False
         is_its_effect = asyncio.get_running_loop().time() < self._named_s + FROM_NAME_S
         self._answers = self._answers.unnamed() if is_its_effect else Answers()
-        self._registry.forget(self._setup.name)
         self.standing = silenced(self.standing)
 
-    def accept(self) -> None:
-        """Judge the device again: an operator has accepted it."""
-        if self.standing.status is IdentityStatus.CHANGED:
-            self._judge()
-            self._announce()
-            self._on_judged()
+    def waiting(self) -> IdentityMismatch:
+        """Return which change waits to be accepted; CommandError when none does."""
+        if self.standing.mismatch is None:
+            raise CommandError(ResultCode.NOTHING_TO_ACCEPT)
+        return self.standing.mismatch
+
+    def accept(self) -> IdentityMismatch:
+        """Accept the device that answers as the right one; CommandError when no change waits for that."""
+        mismatch = self.waiting()
+        self._registry.accept(self._setup.name, mismatch)
+        self._judge()
+        self._announce()
+        self._on_judged()
+        return mismatch
 
     async def _meet(self, lane: Priority) -> None:
         """Read the watchdog, then ask until the device is identified."""
         profile = self._setup.profile
-        reads = reading.bulk_reads(profile, device_of(profile).watchdog_rows)
+        reads = short_reads(profile, device_of(profile).watchdog_rows)
         with suppress(CommandError, PortLostError):  # it is read again with the other settings
             asked = partial(ask, self._line, self._setup, lane=lane)
             self._on_rows((await read_in_bulk(asked, profile, reads, tries=1)).rows)
@@ -133,12 +138,9 @@ class Contact:
                 return
 
     async def _put(self, question: Question) -> Outcome:
-        self._is_naming = question.tag == NAME
-        if self._is_naming:
-            self._named_s = asyncio.get_running_loop().time()
-        outcome = await ask(self._line, self._setup, question.request, lane=Priority.IDENTITY)
-        self._is_naming = False
-        return outcome
+        if question.tag == NAME:
+            self._answers, self._named_s = self._answers.missed(NAME), asyncio.get_running_loop().time()
+        return await ask(self._line, self._setup, question.request, lane=Priority.IDENTITY)
 
     def _judge(self) -> None:
         profile, identity = self._setup.profile, identity_of(self._setup.profile, self._answers)

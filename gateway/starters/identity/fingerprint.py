@@ -66,16 +66,10 @@ def mismatch_of(known: Known | None, seen: Fingerprint, model: str | None) -> Id
     """Return in what a starter differs from the known one, or from its configured model; None: nothing."""
     before = Fingerprint() if known is None else known.fingerprint
     configured = model if contradicts(model, seen) else None
-    reasons = [
-        phrase(
-            EventCode.IDENTITY_CHANGED,
-            "differs",
-            field=name,
-            before=getattr(before, name),
-            now=getattr(seen, name),
-        )
-        for name in differences(before, seen)
-    ]
+    reasons = []
+    for name in differences(before, seen):
+        was, now = getattr(before, name), getattr(seen, name)
+        reasons.append(phrase(EventCode.IDENTITY_CHANGED, "differs", field=name, before=was, now=now))
     contradiction = ""
     if configured is not None and (known is None or configured != known.despite_model):
         spoken = ", ".join(filter(None, (seen.model, seen.rated_current)))

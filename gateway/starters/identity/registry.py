@@ -1,13 +1,12 @@
-"""The starters as they answered last, in earlier runs too, and the changes that wait to be accepted."""
+"""The starters as they answered last, in earlier runs too."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
 
 from pydantic import TypeAdapter
 
-from gateway.contract import CommandError, EventCode, RecordWriter, ResultCode
+from gateway.contract import EventCode, RecordWriter
 from gateway.families import Identity
 from gateway.starters.identity.fingerprint import (
     Fingerprint,
@@ -33,49 +32,24 @@ class IdentityRegistry:
     All calls on the app's loop.
     """
 
-    def __init__(self, records: RecordWriter, documents: Documents | None = None) -> None:
+    def __init__(self, records: RecordWriter, documents: Documents) -> None:
         self._publish = records.event
-        self._known: dict[str, Known] = {}
-        self._waiting: dict[str, IdentityMismatch] = {}  # to be accepted
-        self._on_accepted: dict[str, Callable[[], None]] = {}
-        self._document = (documents or Documents()).open(
-            FINGERPRINTS, KNOWN, lambda: self._known, delay_s=SAVED_TOGETHER_S
-        )
-        self._known |= self._document.loaded or {}
-
-    def when_accepted(self, starter: str, call: Callable[[], None]) -> None:
-        """Have something done each time the device of this starter is accepted."""
-        self._on_accepted[starter] = call
+        self._document = documents.open(FINGERPRINTS, KNOWN, lambda: self._known, delay_s=SAVED_TOGETHER_S)
+        self._known = self._document.loaded or {}
 
     def judge(self, setup: StarterSetup, identity: Identity) -> IdentityMismatch | None:
         """Return in what a device of the configured family differs from the known one.
 
         One that differs in nothing is the known one from now on.
         """
-        name, seen = setup.name, fingerprint_of(identity)
-        known = self._known.get(name)
-        mismatch = mismatch_of(known, seen, setup.variant.model)
+        known = self._known.get(setup.name)
+        mismatch = mismatch_in(known, setup, identity)
         if mismatch is None:
-            self._waiting.pop(name, None)
-            self._keep(name, known, seen)
-        else:
-            self._waiting[name] = mismatch
+            self._keep(setup.name, known, fingerprint_of(identity))
         return mismatch
 
-    def forget(self, starter: str) -> None:
-        """Record that the device is silent: the one that answers next is judged again."""
-        self._waiting.pop(starter, None)
-
-    def waiting(self, starter: str) -> IdentityMismatch:
-        """Return which change waits to be accepted; CommandError when none does."""
-        if starter not in self._waiting:
-            raise CommandError(ResultCode.NOTHING_TO_ACCEPT)
-        return self._waiting[starter]
-
-    def accept(self, starter: str) -> IdentityMismatch:
-        """Accept the device that answers as the right one; CommandError when no change waits for that."""
-        mismatch = self.waiting(starter)
-        self.forget(starter)
+    def accept(self, starter: str, mismatch: IdentityMismatch) -> None:
+        """Let the device that differs be the known one, also where it contradicts the configured model."""
         self._known[starter] = Known(mismatch.seen, mismatch.configured)
         self._document.touch()
         self._publish(
@@ -85,12 +59,6 @@ class IdentityRegistry:
             seen=mismatch.seen.as_data(),
             configured_model=mismatch.configured,
         )
-        self._on_accepted.get(starter, lambda: None)()
-        return mismatch
-
-    def store(self) -> None:
-        """Store what is known now, in the background."""
-        self._document.touch()
 
     async def saved(self) -> bool:
         """Return whether what is known now is on disk."""

@@ -45,16 +45,14 @@ _CODES = {
     IdentityStatus.OTHER_SLOT: ResultCode.SLOT_MISMATCH,
 }
 
-_ALWAYS = {
-    IdentityStatus.UNKNOWN,
-    IdentityStatus.ASKING,
-}  # it went silent; it answers, or the port was opened
-_JUDGED = {*IdentityStatus} - _ALWAYS
+_ANY = {*IdentityStatus}
+# It went silent; it answers, or the port was opened.
+_ALWAYS = {IdentityStatus.UNKNOWN, IdentityStatus.ASKING}
 TRANSITIONS: Mapping[IdentityStatus, Set[IdentityStatus]] = {
-    IdentityStatus.UNKNOWN: _ALWAYS | _JUDGED,  # one that has not said who it is is asked again
-    IdentityStatus.ASKING: _ALWAYS | _JUDGED,
+    IdentityStatus.UNKNOWN: _ANY,  # a device that has not said who it is is asked again
+    IdentityStatus.ASKING: _ANY,
     IdentityStatus.MATCHING: _ALWAYS,
-    IdentityStatus.MISMATCHED: _ALWAYS | _JUDGED,
+    IdentityStatus.MISMATCHED: _ANY,
     IdentityStatus.CHANGED: {*_ALWAYS, IdentityStatus.MATCHING, IdentityStatus.OTHER_SLOT},  # it is accepted
     IdentityStatus.OTHER_SLOT: _ALWAYS,
 }
@@ -102,12 +100,14 @@ class Standing:
     contradiction: str = ""  # of the configuration: values would be of another family or model
     is_readable: bool = False  # what is read now counts
     event: Event | None = None  # of what holds the commands
+    mismatch: IdentityMismatch | None = None  # it waits to be accepted
 
     def become(self, status: IdentityStatus, reason: str, **changes: Any) -> Standing:
         """Return the standing in another status; KeyError where it cannot follow."""
         if status not in TRANSITIONS[self.status]:
             raise KeyError(self.status, status)
-        return replace(self, status=status, reason=reason, **{"contradiction": "", "event": None, **changes})
+        nothing = {"contradiction": "", "event": None, "mismatch": None}
+        return replace(self, status=status, reason=reason, **{**nothing, **changes})
 
 
 def met(standing: Standing) -> Standing:
@@ -149,10 +149,9 @@ def judged(
         event = event_of(EventCode.IDENTITY_UNKNOWN, reason=why_not)
         return become(IdentityStatus.UNKNOWN, why_not, is_readable=is_readable, event=event)
     if mismatch is not None:
-        event, contradiction = mismatch.event, mismatch.contradiction
-        return become(
-            IdentityStatus.CHANGED, event.text, contradiction=contradiction, is_readable=True, event=event
-        )
+        become = partial(become, contradiction=mismatch.contradiction, mismatch=mismatch)
+        event = mismatch.event
+        return become(IdentityStatus.CHANGED, event.text, is_readable=True, event=event)
     if trouble := diagnosis.slot_trouble(profile, setup.variant, identity):
         slot, seen = setup.variant.slot, identity.slot
         event = event_of(EventCode.SLOT_MISMATCH, configured=slot, seen=seen, reason=trouble)

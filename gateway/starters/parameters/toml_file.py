@@ -15,7 +15,7 @@ from gateway.starters.parameters.model import ParameterEntry, ParameterSet
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _FACTS = ("name", "family", "taken", "model", "firmware", "serial")  # the table [starter]
-_SET = TypeAdapter(ParameterSet)
+_SET, _ENTRY = TypeAdapter(ParameterSet), TypeAdapter(ParameterEntry)
 
 
 def to_toml(saved: ParameterSet) -> str:
@@ -52,15 +52,8 @@ def from_toml(text: str, path: str) -> ParameterSet:
 
 
 def _inline(entry: ParameterEntry) -> str:
-    shown = {
-        "name": entry.name or None,
-        "value": entry.value,
-        "unit": entry.unit or None,
-        "label": entry.label or None,
-        "raw": entry.raw,
-    }
-    texts = [f"{key} = {_toml(value)}" for key, value in shown.items() if value is not None]
-    return "{ " + ", ".join(texts) + " }"
+    said = _ENTRY.dump_python(entry, exclude_defaults=True)
+    return "{ " + ", ".join(f"{key} = {_toml(value)}" for key, value in said.items()) + " }"
 
 
 def _toml(value: object) -> str:

@@ -19,7 +19,7 @@ so much. Of several the earliest counts.
 from __future__ import annotations
 
 import secrets
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import islice
 
@@ -30,22 +30,26 @@ EVERY_S = 1.0  # between two tokens
 _TOKEN_BYTES = 12
 
 
-class RunToken:
-    """`run` goes with everything that is numbered, `token` proves a command fresh.
+BY_TOKEN, BY_ISSUED_AT = "token", "issued_at"  # `freshness` of an operator
 
-    Numbers (`seq`) go on over a reconnection, so their messages carry `run`. The token changes whenever a
-    connection is lost or the gateway stood still: who has the present one has read it since then.
+
+class Tokens:
+    """The tokens of the last MAX_TTL_S; a lost connection or a standstill invalidates them.
+
+    Numbers (`seq`) go on over a reconnection, so their messages carry `run`; `boot` changes whenever tokens
+    are invalidated.
     """
 
     def __init__(self, run: str) -> None:
         self.run = run
-        self._tokens = 1  # so far
+        self._boots = 1  # so far
         self._connected_s: float | None = None
+        self._made: dict[str, tuple[float, str]] = {}  # token: when, and the boot of then; oldest first
 
     @property
-    def token(self) -> str:
+    def boot(self) -> str:
         """Return the `boot` of gateway/status: the run's own name during its first connection."""
-        return self.run if self._tokens == 1 else f"{self.run}-{self._tokens}"
+        return self.run if self._boots == 1 else f"{self.run}-{self._boots}"
 
     def connected(self, now_s: float) -> None:
         """Note, on the steady clock, since when commands can arrive; further calls change nothing."""
@@ -53,14 +57,14 @@ class RunToken:
             self._connected_s = now_s
 
     def disconnected(self) -> None:
-        """Invalidate the token of the lost connection; without a connection nothing changes."""
+        """Invalidate the tokens of the lost connection; without a connection nothing changes."""
         if self._connected_s is not None:
-            self._tokens += 1
+            self._boots += 1
             self._connected_s = None
 
     def stood_still(self, now_s: float) -> None:
         """Invalidate the tokens issued so far: a command that carries one has waited for an unknown time."""
-        self._tokens += 1
+        self._boots += 1
         if self._connected_s is not None:
             self._connected_s = now_s
 
@@ -68,29 +72,13 @@ class RunToken:
         """Return whether a moment of the steady clock lies before the present connection."""
         return self._connected_s is not None and at_s < self._connected_s
 
-
-BY_TOKEN, BY_ISSUED_AT = "token", "issued_at"  # `freshness` of an operator
-
-
-def _draw() -> str:
-    return secrets.token_urlsafe(_TOKEN_BYTES)
-
-
-class Tokens:
-    """The tokens of the last MAX_TTL_S; a lost connection or a suspension invalidates them."""
-
-    def __init__(self, boot: RunToken, *, draw: Callable[[], str] = _draw) -> None:
-        self.boot = boot
-        self._draw = draw
-        self._made: dict[str, tuple[float, str]] = {}  # token: when, and the boot of then; oldest first
-
     def issue(self, now_s: float) -> str:
         """Return a new token, made now on the steady clock."""
         for token, (made_s, _) in list(islice(self._made.items(), 2)):  # more go than come
             if now_s - made_s > MAX_TTL_S + EVERY_S:
                 del self._made[token]
-        token = self._draw()
-        self._made[token] = now_s, self.boot.token
+        token = secrets.token_urlsafe(_TOKEN_BYTES)
+        self._made[token] = now_s, self.boot
         return token
 
     def has_made(self, token: str) -> bool:
@@ -100,7 +88,7 @@ class Tokens:
     def made_s(self, token: str) -> float | None:
         """Return when a token was made; None for one that does not count, or never was."""
         made_s, boot = self._made.get(token, (None, ""))
-        return made_s if boot == self.boot.token else None
+        return made_s if boot == self.boot else None
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,7 +108,7 @@ def dated(
     `freshness` holds the settings of the operator's entries that give the right; any of them is enough.
     """
     proof, now_s = request.proof, moment.now_s
-    if proof.boot not in (None, tokens.boot.token):
+    if proof.boot not in (None, tokens.boot):
         raise CommandError(ResultCode.WRONG_BOOT)
     made_s, issued_s = tokens.made_s(proof.token or ""), None  # on the steady clock
     if proof.issued_s is not None and moment.clock_doubt is None:
@@ -146,7 +134,7 @@ def _issued_trouble(issued_s: float, tokens: Tokens, now_s: float) -> CommandErr
     """Return why `issued_at`, read by a good clock and not expired, proves nothing."""
     if issued_s - now_s > MAX_AHEAD_S:
         return CommandError(ResultCode.NOT_FRESH, "ahead", ahead_s=issued_s - now_s)
-    if tokens.boot.is_before_connection(issued_s - MAX_AHEAD_S):
+    if tokens.is_before_connection(issued_s - MAX_AHEAD_S):
         return before_connection()
     return None
 

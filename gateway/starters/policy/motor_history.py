@@ -6,7 +6,7 @@ their ages by that, and adds what has certainly passed since. No step of the wal
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from math import inf
 from typing import Any
 
@@ -64,26 +64,22 @@ _NEW = _Page(starts=[], moving=None, standing_since=None, lock=None)
 class MotorHistory:
     """The pages of all starters; a starter of an unknown history stands still since it was first seen to."""
 
-    def __init__(self, starters: Iterable[str]) -> None:
+    def __init__(self) -> None:
         self.on_change: Callable[[], None] = lambda: None  # what is stored differs now
-        self._pages = dict.fromkeys(starters, _NEW)
+        self._pages: dict[str, _Page] = {}
         self._written_s: dict[str, float] = {}  # our last start of each, until its motor is seen to move
-
-    def add(self, starter: str) -> None:
-        """Open a page for a starter; a page that it has had before stays."""
-        self._pages.setdefault(starter, _NEW)
 
     def starts_since(self, starter: str, since_s: float) -> list[float]:
         """Return when this starter was started from `since_s` on, by us or locally; oldest first."""
-        return [start_s for start_s in self._pages[starter].starts if start_s > since_s]
+        return [start_s for start_s in self._page(starter).starts if start_s > since_s]
 
     def standing_since(self, starter: str) -> float | None:
         """Return since when the motor stands still; None while it moves or was never seen to stand."""
-        return self._pages[starter].standing_since
+        return self._page(starter).standing_since
 
     def lock_of(self, starter: str) -> LockRecord | None:
         """Return the maintenance lock of a starter."""
-        lock = self._pages[starter].lock
+        lock = self._page(starter).lock
         if lock is None:
             return None
         return LockRecord(by=lock.by, since_s=lock.since, reason=lock.reason, operator=lock.operator)
@@ -104,9 +100,9 @@ class MotorHistory:
         What happens while the state is not known leaves no trace here: a motor that stood before and after
         counts as standing.
         """
-        page = self._pages.get(starter)
+        page = self._page(starter)
         is_moving = state in MOVING
-        if page is None or state not in MOVING | STANDING or is_moving is page.moving:
+        if state not in MOVING | STANDING or is_moving is page.moving:
             return
         if is_moving:
             written_s = self._written_s.pop(starter, -inf)
@@ -124,19 +120,21 @@ class MotorHistory:
         return StoredMotors(at=reading, starters=pages)
 
     def restore(self, stored: StoredMotors, *, now_s: float, reading: ClockReading) -> None:
-        """Apply what was stored of the configured starters."""
+        """Apply what was stored."""
         passed_s = certain_s(stored.at, reading)
 
         def steady_of(utc_s: float) -> float:
             return now_s - passed_s - max(stored.at.utc_s - utc_s, 0.0)
 
-        for name in self._pages.keys() & stored.starters.keys():
-            self._pages[name] = stored.starters[name].dated(steady_of)
+        self._pages = {name: page.dated(steady_of) for name, page in stored.starters.items()}
+
+    def _page(self, starter: str) -> _Page:
+        return self._pages.get(starter, _NEW)
 
     def _count(self, starter: str, now_s: float) -> None:
         starts = [*self.starts_since(starter, now_s - HISTORY_S), now_s][-MOST_STARTS:]
         self._change(starter, starts=starts)
 
     def _change(self, starter: str, **changes: Any) -> None:
-        self._pages[starter] = self._pages[starter].model_copy(update=changes)
+        self._pages[starter] = self._page(starter).model_copy(update=changes)
         self.on_change()

@@ -24,7 +24,7 @@ from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory, S
 from gateway.starters.policy.preconditions import Expectation, demand_unlocked
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.selection import Selections
-from gateway.starters.policy.start_rules import PolicySettings, Rulebook, is_start
+from gateway.starters.policy.start_rules import PolicySettings, demand_start, is_start
 from gateway.starters.policy.write_budget import WriteBudget
 from gateway.starters.state import PublishedFaults
 from gateway.store import Documents, read_document, write_document
@@ -49,19 +49,15 @@ class Policy:
         *,
         rights: Rights,
         records: RecordWriter,
-        documents: Documents | None = None,
-        watchdogs: KnownWatchdogs | None = None,
-        published_faults: PublishedFaults | None = None,
+        documents: Documents,
     ) -> None:
         self.settings = settings
         self.rights = rights
-        self.motor_history = MotorHistory(starters)
-        self.rulebook = Rulebook(settings.rules, self.motor_history)
+        self.motor_history = MotorHistory()
         self.selections = Selections()
-        documents = documents or Documents()
         self.identities = IdentityRegistry(records, documents)
-        self.published_faults = published_faults or PublishedFaults()
-        self.watchdogs = watchdogs or KnownWatchdogs()
+        self.published_faults = PublishedFaults(documents)
+        self.watchdogs = KnownWatchdogs(documents)
         self.write_budget = WriteBudget(records, documents)
         self.document = documents.open(LOCKS, MOTORS, self._stored)
         self.clock = records.clock
@@ -83,11 +79,7 @@ class Policy:
     def apply(self, settings: PolicySettings, *, rights: Rights) -> list[str]:
         """Judge by other settings now, also what is not yet written; return the starters locked by it."""
         self.settings, self.rights = settings, rights
-        self.rulebook = Rulebook(settings.rules, self.motor_history)
-        locked = self._lock_unsure()
-        self.document.touch()
-        self.identities.store()
-        return locked
+        return self._lock_unsure()
 
     def _stored(self) -> StoredMotors:
         return self.motor_history.stored(now_s=self.clock.now_s(), reading=self.clock.reading())
@@ -127,7 +119,9 @@ class Guard:
             for expectation in self.expectations:
                 expectation.check(points)
         if self._is_start and not self._is_counted:
-            self.policy.rulebook.demand_start(self.request.starter, now_s=self.policy.clock.now_s())
+            policy = self.policy
+            now_s = policy.clock.now_s()
+            demand_start(policy.settings, policy.motor_history, self.request.starter, now_s=now_s)
 
     async def reserve(self, procedure: Procedure) -> None:
         """Demand that the line can keep the watchdog that is set, which counts from now on; `end` follows."""
@@ -143,7 +137,7 @@ class Guard:
         if self._is_start:
             self._is_counted = True
             policy.motor_history.note_start(starter, now_s=policy.clock.now_s())
-            if policy.rulebook.of(starter).is_counting:
+            if policy.settings.of(starter).is_counting:
                 if not await policy.document.saved(within_s=SAVED_WITHIN_S):
                     raise CommandError(ResultCode.NOT_KEPT, "start")
                 self._check_time_and_lock()
@@ -176,7 +170,7 @@ def lock_restored(
         stored = read_document(path, LOCKS, MOTORS)
     except DamagedError:
         stored = None
-    history, here = MotorHistory(names), reading
+    history, here = MotorHistory(), reading
     if stored is not None:
         here = ClockReading(reading.up_s, stored.at.utc_s, reading.boot_id)
         # Its times as they are, read by the clocks of this machine

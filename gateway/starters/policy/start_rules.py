@@ -43,46 +43,39 @@ def is_release(verb: str, args: Mapping[str, Any]) -> bool:
 
 
 @dataclass(frozen=True, slots=True)
-class Rulebook:
-    """Judges starts by the rules and by what the motor history knows of earlier ones."""
-
-    rules: Mapping[str, RuleSet]
-    motor_history: MotorHistory
-
-    def of(self, starter: str) -> RuleSet:
-        """Return what is configured for a starter."""
-        return self.rules.get(starter, NO_RULES)
-
-    def demand_start(self, starter: str, *, now_s: float) -> None:
-        """Raise CommandError for the first rule that forbids a start now."""
-        rules, history = self.of(starter), self.motor_history
-        if rules.starts_per_hour is not None:
-            most, starts = rules.starts_per_hour, history.starts_since(starter, now_s - HOUR_S)
-            if len(starts) >= most:
-                wait_s = starts[-most] + HOUR_S - now_s
-                raise CommandError(ResultCode.TOO_MANY_STARTS, count=len(starts), most=most, wait_s=wait_s)
-        pause_s = rules.minimum_pause_s
-        if pause_s > 0:
-            since_s = history.standing_since(starter)
-            if since_s is None:
-                raise CommandError(ResultCode.PAUSE_TOO_SHORT, "unseen")
-            standing_s, wait_s = now_s - since_s, since_s + pause_s - now_s
-            if wait_s > 0:
-                raise CommandError(
-                    ResultCode.PAUSE_TOO_SHORT, "pause", standing_s=standing_s, pause_s=pause_s, wait_s=wait_s
-                )
-        others = [n for n, other in self.rules.items() if other.feeder == rules.feeder and n != starter]
-        for other in others if rules.feeder and rules.stagger_s > 0 else ():
-            for start_s in history.starts_since(other, now_s - rules.stagger_s):
-                ago_s, wait_s = now_s - start_s, start_s + rules.stagger_s - now_s
-                raise CommandError(
-                    ResultCode.FEEDER_BUSY, other=other, ago_s=ago_s, feeder=rules.feeder, wait_s=wait_s
-                )
-
-
-@dataclass(frozen=True, slots=True)
 class PolicySettings:
     """The rules by starter, and the groups by name."""
 
     rules: Mapping[str, RuleSet] = field(default_factory=dict)
     groups: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
+
+    def of(self, starter: str) -> RuleSet:
+        """Return the rules of a starter."""
+        return self.rules.get(starter, NO_RULES)
+
+
+def demand_start(settings: PolicySettings, history: MotorHistory, starter: str, *, now_s: float) -> None:
+    """Raise CommandError for the first rule that forbids a start now, by what is known of earlier ones."""
+    rules = settings.of(starter)
+    if rules.starts_per_hour is not None:
+        most, starts = rules.starts_per_hour, history.starts_since(starter, now_s - HOUR_S)
+        if len(starts) >= most:
+            wait_s = starts[-most] + HOUR_S - now_s
+            raise CommandError(ResultCode.TOO_MANY_STARTS, count=len(starts), most=most, wait_s=wait_s)
+    pause_s = rules.minimum_pause_s
+    if pause_s > 0:
+        since_s = history.standing_since(starter)
+        if since_s is None:
+            raise CommandError(ResultCode.PAUSE_TOO_SHORT, "unseen")
+        standing_s, wait_s = now_s - since_s, since_s + pause_s - now_s
+        if wait_s > 0:
+            raise CommandError(
+                ResultCode.PAUSE_TOO_SHORT, "pause", standing_s=standing_s, pause_s=pause_s, wait_s=wait_s
+            )
+    others = [n for n, other in settings.rules.items() if other.feeder == rules.feeder and n != starter]
+    for other in others if rules.feeder and rules.stagger_s > 0 else ():
+        for start_s in history.starts_since(other, now_s - rules.stagger_s):
+            ago_s, wait_s = now_s - start_s, start_s + rules.stagger_s - now_s
+            raise CommandError(
+                ResultCode.FEEDER_BUSY, other=other, ago_s=ago_s, feeder=rules.feeder, wait_s=wait_s
+            )

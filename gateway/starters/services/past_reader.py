@@ -11,9 +11,9 @@ from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
 from gateway.contract import EventCode
-from gateway.families import Profile, decode, reading
+from gateway.families import Profile, decode
 from gateway.starters.parameters.model import ParameterEntry, entries_of
-from gateway.starters.services.settings import EVERY_S, LONGEST_BLOCK, SettingsWatch
+from gateway.starters.services.settings import SettingsWatch
 from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.starters.state import Happening, Happenings
 from gateway.system.supervised import SupervisedTask
@@ -56,8 +56,7 @@ class PastReader(StarterService):
 
     def note_change(self, before: str, after: str, happenings: Happenings) -> None:
         """Read what the starter says of a trip, or has stored of a start that has reached its end."""
-        events = [each.event for each in happenings if isinstance(each, Happening)]
-        if any(event.code == EventCode.FAULT for event in events):
+        if any(isinstance(each, Happening) and each.event.code == EventCode.FAULT for each in happenings):
             self._fault.begin(self._read_fault)
         if (before, after) == ("starting", "running") and self._starter.profile.history.at_start:
             self._start.begin(self._read_start)
@@ -106,9 +105,7 @@ class PastReader(StarterService):
     async def _read(self, codes: Iterable[str]) -> dict[str, ParameterEntry]:
         """Return these rows as far as they are given; none when the starter cannot be asked now."""
         starter = self._starter
-        longest = min(LONGEST_BLOCK, starter.profile.limits.read_registers)
-        reads = reading.bulk_reads(starter.profile, codes, longest=longest)
-        found = await starter.read_rows(reads) if starter.is_identified else None
+        found = await starter.read_rows(codes) if starter.is_identified else None
         return {} if found is None else entries_of(starter.profile, starter.variant, found.rows)
 
 
@@ -134,10 +131,6 @@ def _shown(profile: Profile, code: str, entry: ParameterEntry) -> dict[str, Any]
     return shown
 
 
-def serve(
-    starter: StarterTelemetry, past: PastListener | None = None, *, monitor_every_s: float = EVERY_S
-) -> None:
-    """Have a starter's settings watched, and what it says of its past read where somebody listens."""
-    starter.services.append(SettingsWatch(starter, every_s=monitor_every_s))
-    if past is not None:
-        starter.services.append(PastReader(starter, past))
+def serve(starter: StarterTelemetry, *, past: PastListener) -> None:
+    """Have a starter's settings watched, and what it says of its past read."""
+    starter.services += (SettingsWatch(starter), PastReader(starter, past))

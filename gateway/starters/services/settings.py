@@ -12,32 +12,33 @@ from __future__ import annotations
 import asyncio
 import itertools
 from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
+from functools import partial
+from math import inf
 from typing import Any
 
 from gateway.contract import EventCode, Severity, phrase
 from gateway.families import (
     Parameter,
     Profile,
-    Read,
     Weight,
     diagnosis,
     once_per_profile,
     reading,
 )
 from gateway.modbus import Request
+from gateway.starters.bulk_read import short_reads
 from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
 from gateway.system.supervised import SupervisedTask
 
-PAUSES_S = (0.0, 5.0, 30.0, 120.0)  # before each attempt to read what decides about a start
+PAUSES_S = (5.0, 30.0, 120.0)  # before each further attempt to read what decides about a start
 AFTER_WRITE_S = 1.0  # a command may write more
 EVERY_S = 60.0  # one block of the laps; an SSW900's settings are some 20 blocks
-FIRST_LAP_EVERY_S = 10.0  # until all of them are known: what is changed before cannot be noticed
+FIRST_LAP_EVERY_S = 10.0  # at first, and after each silence: changes are to be noticed soon
 REFUSED_FOR_S = 3600.0
-LONGEST_BLOCK = 24  # registers: no request of an identification is shorter, so no stop waits longer
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 
 IDENTIFIED = (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
@@ -49,9 +50,8 @@ Words = tuple[int, ...]
 class SettingsWatch(StarterService):
     """Reads one starter while it answers, from the rows on that an earlier run has read."""
 
-    def __init__(self, starter: StarterTelemetry, *, every_s: float) -> None:
+    def __init__(self, starter: StarterTelemetry) -> None:
         self._starter = starter
-        self._every_s = every_s
         self._watched = watched_codes(starter.profile)
         recalled = starter.watchdogs.rows(starter.setup.name)
         self._known = {code: words for code, words in recalled.items() if code in self._watched}
@@ -59,14 +59,11 @@ class SettingsWatch(StarterService):
         self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
         self._patrol = SupervisedTask(f"keypad {starter.setup.name}")
-        self._is_walking = False
 
     def begin(self) -> None:
-        """Look at the readiness, and go on with the laps."""
+        """Look at the readiness, and begin with the laps."""
         self._readiness.begin(self._look_until_read)
-        if not self._is_walking:
-            self._is_walking = True
-            self._patrol.begin(self._walk)
+        self._patrol.begin(self._walk)
 
     def note_written(self, request: Request) -> None:
         """Forget the rows that the gateway has written; look at the readiness if it hangs on them."""
@@ -75,26 +72,22 @@ class SettingsWatch(StarterService):
         for code in written:
             self._known.pop(code, None)
         if not written.isdisjoint(diagnosis.readiness_codes(profile)):
-            self._readiness.begin(self._look_after_write)
+            self._readiness.begin(partial(self._look_until_read, after_s=AFTER_WRITE_S))
 
     async def close(self) -> None:
         """Read nothing more."""
         await self._readiness.close()
         await self._patrol.close()
 
-    async def _look_after_write(self) -> None:
-        await asyncio.sleep(AFTER_WRITE_S)
-        await self._look_until_read()
-
-    async def _look_until_read(self) -> None:
+    async def _look_until_read(self, *, after_s: float = 0.0) -> None:
         """Read what decides about a start, ever less often until the rows of the watchdog are known."""
         starter = self._starter
-        for pause_s in itertools.chain(PAUSES_S, itertools.repeat(PAUSES_S[-1])):
+        for pause_s in itertools.chain((after_s, *PAUSES_S), itertools.repeat(PAUSES_S[-1])):
             await asyncio.sleep(pause_s)
             if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
                 return  # its next identification begins this again
             codes, began_s = diagnosis.readiness_codes(starter.profile), asyncio.get_running_loop().time()
-            found = await starter.read_rows(reading.bulk_reads(starter.profile, codes))
+            found = await starter.read_rows(codes)
             if found is None:
                 continue
             # On some of them hangs what is permitted, and no poll reads those.
@@ -107,26 +100,25 @@ class SettingsWatch(StarterService):
                 return
 
     async def _walk(self) -> None:
-        every_s, now_s = min(FIRST_LAP_EVERY_S, self._every_s), asyncio.get_running_loop().time
+        every_s, now_s = FIRST_LAP_EVERY_S, asyncio.get_running_loop().time
         vital = diagnosis.watchdog_codes(self._starter.profile)
         while self._watched:
-            for code in [code for code, at_s in self._refused_s.items() if now_s() - at_s >= REFUSED_FOR_S]:
-                del self._refused_s[code]
-            codes = [code for code in self._watched if code not in self._refused_s or code in vital]
-            reads = deque(_planned(self._starter.profile, codes))
+            since_s = now_s() - REFUSED_FOR_S
+            codes = [c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s]
+            reads = deque(short_reads(self._starter.profile, codes))
             if not reads:  # each row was refused
                 await asyncio.sleep(REFUSED_FOR_S)
             while reads:
                 await asyncio.sleep(every_s)
                 if not self._starter.is_identified:
-                    continue
-                found = await self._starter.read_rows([reads.popleft()])
+                    return  # its next identification begins this again
+                found = await self._starter.read_rows(reads.popleft().codes)
                 if found is None:
                     continue
                 self._refused_s |= dict.fromkeys(found.refused, now_s())
                 if self._note_reading(found.rows):
                     self._readiness.begin(self._look_until_read)
-            every_s = self._every_s
+            every_s = EVERY_S
 
     def _note_reading(self, rows: Mapping[str, Words]) -> bool:
         """Take settings that were just read; publish those that have changed, and return whether one has."""
@@ -142,7 +134,7 @@ class SettingsWatch(StarterService):
         old, new = (
             entries_of(starter.profile, starter.variant, {code: words})[code] for words in (before, after)
         )
-        starter.emitter.event(
+        starter.event(
             EventCode.PARAMETER_CHANGED,
             parameter=code,
             name=old.name,
@@ -166,7 +158,7 @@ class SettingsWatch(StarterService):
         if not findings or not self._published.is_new(said):
             return
         problems = "; ".join(each.text for each in findings if each.weight is not Weight.NOTE)
-        starter.emitter.event(
+        starter.event(
             EventCode.READINESS,
             severity=_SEVERITIES[findings[0].weight],  # errors come first
             would_refuse_start=diagnosis.refuses_start(findings),
@@ -186,10 +178,6 @@ class SettingsWatch(StarterService):
 def watched_codes(profile: Profile) -> Mapping[str, Parameter]:
     """Return the settings of a family that change only when somebody sets them, by code."""
     return {c: row for c, row in profile.parameters.items() if reading.is_set_by_people(profile, row)}
-
-
-def _planned(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
-    return reading.bulk_reads(profile, codes, longest=min(LONGEST_BLOCK, profile.limits.read_registers // 2))
 
 
 def _watchdog_trouble(profile: Profile, refused: Mapping[str, str]) -> str:

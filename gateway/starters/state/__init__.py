@@ -15,7 +15,7 @@ from gateway.starters.state.decoding import (
     unit_of,
 )
 from gateway.starters.state.publication import REFRESH_S, SOONEST_S
-from gateway.starters.state.publisher import Emitter, LockOf, PublishedFaults, StatePublisher
+from gateway.starters.state.publisher import LockOf, PublishedFaults, StatePublisher
 from gateway.starters.state.readings import (
     NO_POINTS,
     Moment,
@@ -28,4 +28,12 @@ from gateway.starters.state.readings import (
     stale,
 )
 from gateway.starters.state.snapshot import Snapshot
-from gateway.starters.state.starter_state import UNKNOWN, Happening, Happenings, NewReadings, advance, unread
+from gateway.starters.state.starter_state import (
+    UNKNOWN,
+    Happening,
+    Happenings,
+    NewReadings,
+    StarterState,
+    advance,
+    unread,
+)

@@ -74,20 +74,9 @@ def _raised(alarm: Alarm, earlier: AlarmStatus | None, time_s: float) -> AlarmSt
 
 
 def _event(known: AlarmStatus) -> Event:
-    alarm = known.alarm
+    code, kind, count = known.alarm.code, known.alarm.severity, known.count
     if not known.is_active:
-        return event_of(
-            EventCode.CLEARED,
-            alarm=alarm.code,
-            severity_=alarm.severity,
-            count=known.count,
-            title=alarm.title,
-        )
-    return event_of(
-        EventCode.ALARM,
-        severity=Severity.ERROR if known.is_fault else Severity.WARNING,
-        alarm=alarm.code,
-        severity_=alarm.severity,
-        count=known.count,
-        title=named([known]),
-    )
+        title = known.alarm.title
+        return event_of(EventCode.CLEARED, alarm=code, severity_=kind, count=count, title=title)
+    severity, title = Severity.ERROR if known.is_fault else Severity.WARNING, named([known])
+    return event_of(EventCode.ALARM, severity=severity, alarm=code, severity_=kind, count=count, title=title)

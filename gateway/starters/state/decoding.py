@@ -10,9 +10,6 @@ from gateway.contract import Quality
 from gateway.families import TYPE_LIMITS, Profile, Type, Variant, decode, once_per_profile, reading
 from gateway.starters.state.readings import Points, Reading
 
-TEXT_TYPES = tuple(kind for kind in Type if kind not in TYPE_LIMITS)
-ENUM_TYPES = (Type.ENUM, Type.LOW_ENUM)
-
 ON, OFF = Reading(True, "", Quality.GOOD), Reading(False, "", Quality.GOOD)  # noqa: FBT003 - values
 
 _MOST_CACHED = 256
@@ -183,8 +180,8 @@ def type_of(profile: Profile, name: str) -> str:
     if is_flag(profile, name):
         return "boolean"
     row = profile.parameters[profile.points[name].code]
-    if row.type in ENUM_TYPES:
+    if row.type in (Type.ENUM, Type.LOW_ENUM):
         return "enum"
-    if row.type in TEXT_TYPES:
+    if row.type not in TYPE_LIMITS:
         return "string"
     return "float" if row.decimals or row.unit else "integer"

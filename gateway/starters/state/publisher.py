@@ -15,22 +15,17 @@ from pydantic import TypeAdapter
 
 from gateway.contract import (
     AlarmRecord,
-    AvailabilityRecord,
-    Event,
-    EventCode,
     InfoRecord,
     LockRecord,
-    Presence,
     Record,
     RecordWriter,
-    Severity,
     StateRecord,
     ValueRecord,
 )
 from gateway.families import Profile, once_per_profile
 from gateway.starters.state.alarms import AlarmStatus
 from gateway.starters.state.decoding import deadbands_of, flags_of
-from gateway.starters.state.publication import REFRESH_S, STATE_EVERY_S, TICK_S, Published, due_values
+from gateway.starters.state.publication import STATE_EVERY_S, TICK_S, Published, due_values
 from gateway.starters.state.readings import good_values
 from gateway.starters.state.settled import FirstSeen
 from gateway.starters.state.starter_state import Happening, Happenings, StarterState
@@ -42,31 +37,8 @@ LASTING_S = 3.0
 LockOf = Callable[[str], LockRecord | None]
 
 
-class Emitter:
-    """Publishes what happens to one starter."""
-
-    def __init__(self, starter: str, records: RecordWriter) -> None:
-        self.starter = starter
-        self._records = records
-
-    def put(self, record: Record) -> None:
-        """Publish a record."""
-        self._records.sink.put(record)
-
-    def event(
-        self, event: EventCode | Event, case: str = "", /, *, severity: Severity | None = None, **fields: Any
-    ) -> None:
-        """Publish something that happened now, as `event_of` makes it."""
-        self._records.event(self.starter, event, case, severity=severity, **fields)
-
-    def availability(self, state: Presence, *, reason: str | None) -> None:
-        """Publish that the starter is online, offline or disabled from now on."""
-        since_s = self._records.clock.utc_s()
-        self.put(AvailabilityRecord(starter=self.starter, state=state, since_s=since_s, reason=reason))
-
-
-class StatePublisher(Emitter):
-    """Publishes its state besides; `look` is called when it is time to look again."""
+class StatePublisher:
+    """Publishes one starter; `look` is called when it is time to look again."""
 
     def __init__(
         self,
@@ -76,10 +48,11 @@ class StatePublisher(Emitter):
         *,
         faults: PublishedFaults,
         lock_of: LockOf,
-        refresh_s: float = REFRESH_S,
+        refresh_s: float,
         look: Callable[[], None],
     ) -> None:
-        super().__init__(starter, records)
+        self._starter = starter
+        self._records = records
         self._lock_of = lock_of
         self._refresh_s = refresh_s  # after which unchanged values are published again
         self.is_closed = False
@@ -95,7 +68,7 @@ class StatePublisher(Emitter):
         """Publish what the starter is, when that is news."""
         if info != self._info:
             self._info = info
-            self.put(info)
+            self._records.put(info)
 
     def publish(
         self, state: StarterState, happenings: Happenings, *, now_s: float, reason: str, look_s: float
@@ -106,14 +79,16 @@ class StatePublisher(Emitter):
         """
         is_new = self.publish_status(state, now_s=now_s, reason=reason)
         for happening in happenings:
-            self.put(self._alarm(happening) if isinstance(happening, AlarmStatus) else self._dated(happening))
+            self._records.put(
+                self._alarm(happening) if isinstance(happening, AlarmStatus) else self._dated(happening)
+            )
         published = self._published
         if state.points is not published.points or now_s >= published.next_due_s:
             self.publish_values(state, now_s=now_s)
         if is_new or happenings:
             faults = state.published_faults
             if faults is not None:
-                self._faults.note(self.starter, faults)
+                self._faults.note(self._starter, faults)
         self._look_at(min(self._published.next_due_s, state.due_s, look_s))
 
     def publish_status(self, state: StarterState, *, now_s: float, reason: str) -> bool:
@@ -124,16 +99,16 @@ class StatePublisher(Emitter):
             return False
         self._published = before._replace(status=status, reason=reason, status_s=now_s)
         flags = {name: value if isinstance(value, bool) else None for name, value in status.flags.items()}
-        self.put(
+        self._records.put(
             StateRecord(
-                starter=self.starter,
+                starter=self._starter,
                 state=status.word,
                 quality=status.quality,
                 time_s=min([times[n].time_s for n in self._status_flags if n in times], default=None),
                 seq=next(self._records.sequence),
                 boot=self._records.boot,
                 flags=flags,
-                lock=self._lock_of(self.starter),
+                lock=self._lock_of(self._starter),
                 reason=reason,
                 fault_code=status.number,
             )
@@ -150,7 +125,7 @@ class StatePublisher(Emitter):
             read = state.times.get(point)
             sink.put(
                 ValueRecord(
-                    starter=self.starter,
+                    starter=self._starter,
                     point=point,
                     value=reading.value,
                     unit=reading.unit,
@@ -197,7 +172,7 @@ class StatePublisher(Emitter):
 
     def _alarm(self, known: AlarmStatus) -> AlarmRecord:
         return AlarmRecord(
-            starter=self.starter,
+            starter=self._starter,
             code=known.alarm.code,
             is_active=known.is_active,
             severity=known.alarm.severity,
@@ -214,7 +189,7 @@ class StatePublisher(Emitter):
         event, first = happening.event, happening.first
         if first is not None:
             event = event._replace(data={**event.data, "before": _before(first)})
-        return self._records.dated(self.starter, event, time_s=happening.time_s)
+        return self._records.dated(self._starter, event, time_s=happening.time_s)
 
 
 class PublishedFaults:
@@ -224,10 +199,8 @@ class PublishedFaults:
     lost by being counted as published. After a kill before that, the next run publishes it once more.
     """
 
-    def __init__(self, documents: Documents | None = None) -> None:
-        self._document = (documents or Documents()).open(
-            "faults", FAULTS, lambda: self._codes, delay_s=LASTING_S
-        )
+    def __init__(self, documents: Documents) -> None:
+        self._document = documents.open("faults", FAULTS, lambda: self._codes, delay_s=LASTING_S)
         self._codes = self._document.loaded or {}
 
     def of(self, starter: str) -> tuple[str, ...]:
@@ -236,13 +209,9 @@ class PublishedFaults:
 
     def note(self, starter: str, codes: tuple[str, ...]) -> None:
         """Record the fault that stands and was published; empty when there is none."""
-        if self.of(starter) == codes:
-            return
-        if codes:
+        if self.of(starter) != codes:
             self._codes[starter] = codes
-        else:
-            del self._codes[starter]
-        self._document.touch()
+            self._document.touch()
 
 
 @once_per_profile

@@ -15,9 +15,9 @@ Words = tuple[int, ...]
 class Snapshot:
     """`state` is replaced whole with each reading; raw words stay, by the manual's code, however old."""
 
-    def __init__(self, points: Points) -> None:
-        self.state = StarterState(points)
-        self._rows: dict[str, Words] = {}
+    def __init__(self, state: StarterState) -> None:
+        self.state = state
+        self.rows: dict[str, Words] = {}  # as read last, however old
         self._rows_at_s: dict[str, float] = {}
 
     @property
@@ -25,17 +25,7 @@ class Snapshot:
         """Return the newest reading of each point."""
         return self.state.points
 
-    @property
-    def rows(self) -> Mapping[str, Words]:
-        """Return the raw words read last, however old."""
-        return self._rows
-
-    @property
-    def answered_s(self) -> float | None:
-        """Return when (UTC) the starter's last reply with a value came; None while none has."""
-        return self.last_s(tuple(Quality))
-
-    def last_s(self, qualities: Collection[Quality]) -> float | None:
+    def last_s(self, qualities: Collection[Quality] = tuple(Quality)) -> float | None:
         """Return when (UTC) a value that has one of these qualities was read last; None for never."""
         points = self.state.points
         times = (at.time_s for name, at in self.state.times.items() if points[name].quality in qualities)
@@ -45,7 +35,7 @@ class Snapshot:
         """Record raw words that have just been read; older ones than those known are ignored."""
         times = self._rows_at_s
         newer = {code: words for code, words in rows.items() if times.get(code, -math.inf) <= at_s}
-        self._rows |= newer
+        self.rows |= newer
         self._rows_at_s |= dict.fromkeys(newer, at_s)
 
     def outdate_rows(self) -> None:
@@ -54,11 +44,7 @@ class Snapshot:
 
     def rows_since(self, since_s: float) -> dict[str, Words]:
         """Return the raw words of all rows that were read at `since_s` or later."""
-        return {
-            code: words
-            for code, words in self._rows.items()
-            if self._rows_at_s.get(code, -math.inf) >= since_s
-        }
+        return {code: self.rows[code] for code, at_s in self._rows_at_s.items() if at_s >= since_s}
 
     def good_values(self) -> dict[str, Value]:
         """Return the values that were just read, by point."""

@@ -15,6 +15,7 @@ from gateway.families.profile.rows import Table
 from gateway.families.profile.schema import Variant
 from gateway.modbus.codes import EXCEPTION_BIT, Function
 from gateway.modbus.server import decode_request
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from gateway.starters import StarterSetup, merged
@@ -84,7 +85,8 @@ class Truth:
                 answers[question.tag] = question.request.decode_reply(reply or b"")
             except GatewayError:
                 answers[question.tag] = None
-        setup = StarterSetup(self.name, "line", 1, self._profile, Variant())
+        timing = LineTiming(19200, Framing.parse("8E1"))
+        setup = StarterSetup(self.name, "line", 1, self._profile, Variant(), timing)
         return merged(setup.variant, identify(self._profile, answers))
 
 

@@ -168,8 +168,10 @@ STEPS = [
               at={3.0: by("alice", "start", expect={"state": "ready", "remote": True})}),
     refused("what is not as expected", "start rejected not_as_expected",
             by("alice", "start", expect={"state": "running"})),
-    refused("an expectation of a point that there is not", "start rejected bad_expect",
-            by("alice", "start", expect={"coffee": True})),
+    *(refused(f"{wanted} is no expectation", "start rejected bad_expect", by("alice", "start", expect=wanted))
+      for wanted in ({"coffee": True}, {"state": "stopped"}, {"state": 1})),
+    *(refused(f"{wanted} is not expected alike", "start rejected not_as_expected",
+              by("alice", "start", expect=wanted)) for wanted in ({"running": 0}, {"fault_code": False})),
     refused("a locked starter cannot be selected", "select rejected locked", SELECT, given=TWO_STEP,
             at={3.0: do("pump lock", reason="belt")}),
     row(

@@ -4,34 +4,16 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families import Identity
 from gateway.starters.identity.fingerprint import (
     FIELDS,
     Fingerprint,
     completed,
     contradicts,
     differences,
-    fingerprint_of,
 )
 
 PUMP = Fingerprint(None, "1.60", "ssw07", "SSW-07 85.0A", "85 A")
 SST, NAMED = Fingerprint(model="SST330i"), Fingerprint(model="SST330i-M-ES")
-
-
-@pytest.mark.parametrize(
-    ("identity", "fingerprint"),
-    [
-        (Identity("ssw07", "SSW-07 85.0A", "1.60", rated_current_a=85.0), PUMP),
-        (  # it says its size instead of its current
-            Identity("ssw900", "SSW900", "1.20", "77", rating="45 to 105 A"),
-            Fingerprint("77", "1.20", "ssw900", "SSW900", "45 to 105 A"),
-        ),
-    ],
-)
-def test_the_fingerprint_of_a_starter_is_what_it_says_of_itself(
-    identity: Identity, fingerprint: Fingerprint
-) -> None:
-    assert fingerprint_of(identity) == fingerprint
 
 
 @pytest.mark.parametrize(

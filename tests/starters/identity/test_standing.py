@@ -11,6 +11,7 @@ from gateway.contract import CommandError
 from gateway.families import Variant, load_profile
 from gateway.line import Answered, Outcome, Refused, Silent
 from gateway.modbus.device_id import DeviceIdentification
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.starters.identity.standing import (
     TRANSITIONS,
     TRIES,
@@ -59,7 +60,8 @@ def asked(family: str, said: str) -> tuple[str, Standing]:
             habit, tries = habits[question.tag], tags.count(question.tag)
             answers = answers.after(question.tag, outcome(habit[min(tries, len(habit) - 1)]))
             tags.append(question.tag)
-    setup = StarterSetup("pump", "pumps", 1, profile, Variant(slot=1 if family == "ssw900" else None))
+    variant, timing = Variant(slot=1 if family == "ssw900" else None), LineTiming(19200, Framing.parse("8E1"))
+    setup = StarterSetup("pump", "pumps", 1, profile, variant, timing)
     return " ".join(tags), judged(met(Standing()), setup, answers, None)
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
-
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -36,15 +34,6 @@ def test_what_is_written_is_read_again_as_it_was(
     )
 
     assert from_toml(to_toml(one), "a.toml") == one
-
-
-def test_a_file_is_made_for_people_one_line_a_parameter() -> None:
-    rows = {"P230": (2,), "P003": (400,), "P314": (30,)}
-
-    text = to_toml(ParameterSet("p", "ssw07", parameters=entries_of(SSW07, Variant(), rows)))
-
-    assert 'P003 = { name = "motor current", value = 40.0, unit = "A", raw = [400] }' in text.splitlines()
-    assert tomllib.loads(text)["parameters"]["P230"]["label"] == "Serial"
 
 
 def test_people_may_write_bare_values_and_small_letters() -> None:
@@ -92,6 +81,8 @@ def of_raw(**raw: int) -> ParameterSet:
          "P314 timeout: not there -> 3 s"),
         (saved(P230=ParameterEntry(value="DI")), saved(P230=ParameterEntry(value="Serial")),
          "P230 : DI -> Serial"),
+        (saved(P313=ParameterEntry(raw=(1, 2))), saved(P313=ParameterEntry(value=True)),
+         "P313 : raw 1 2 -> true"),
         (of_raw(P003=1), of_raw(P003=2), ""),  # a reading
         *((of_raw(P230=2), saved(P230=ParameterEntry(value=value)), "") for value in (2, 2.0, "serial")),
     ],
@@ -100,19 +91,6 @@ def test_a_difference_is_shown_with_values_and_labels(
     before: ParameterSet, after: ParameterSet, text: str
 ) -> None:
     assert [each.text for each in differences(before, after, profile=SSW07)] == ([text] if text else [])
-
-
-@pytest.mark.parametrize(
-    ("entry", "shown"),
-    [
-        (ParameterEntry(value=None, raw=(1, 2)), "raw 1 2"),
-        (ParameterEntry(value=True), "true"),
-        (ParameterEntry(value=1.5, unit="s"), "1.5 s"),
-        (ParameterEntry(value=2, label="Serial"), "2 (Serial)"),
-    ],
-)
-def test_an_entry_is_shown_for_a_person(entry: ParameterEntry, shown: str) -> None:
-    assert entry.shown == shown
 
 
 def test_rows_that_no_manual_names_come_last() -> None:

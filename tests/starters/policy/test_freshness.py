@@ -12,13 +12,11 @@ from gateway.starters.policy.freshness import (
     BY_TOKEN,
     MAX_AHEAD_S,
     ArrivalTime,
-    RunToken,
     Tokens,
     dated,
 )
 
 UTC_S = 1_795_222_923.0
-TOKEN = "token-1"
 
 
 def start(proof: Proof) -> CommandRequest:
@@ -26,7 +24,7 @@ def start(proof: Proof) -> CommandRequest:
 
 
 @given(
-    token=st.none() | st.text(max_size=20).filter(lambda text: text != TOKEN),
+    token=st.none() | st.text(max_size=20),
     boot=st.sampled_from([None, "boot-1", "boot-0"]),
     ttl_s=st.floats(0.0, MAX_TTL_S, exclude_min=True),
     age_s=st.floats(MAX_TTL_S + 0.001, 1e9) | st.floats(-1e9, -MAX_AHEAD_S - 0.001),
@@ -41,30 +39,10 @@ def test_no_start_of_another_time_is_ever_fresh(
     freshness: tuple[str, ...],
     doubt: str | None,
 ) -> None:
-    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
+    tokens = Tokens("boot-1")
     tokens.issue(7.0)
     proof = Proof(token=token, issued_s=UTC_S - age_s, boot=boot, ttl_s=ttl_s)
 
     with pytest.raises(CommandError) as caught:
         dated(start(proof), freshness=freshness, tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))
     assert caught.value.code in ("expired", "not_fresh", "wrong_boot")
-
-
-@pytest.mark.parametrize(
-    ("proof", "freshness", "doubt", "missing"),
-    [
-        (Proof(), BY_TOKEN, None, "neither token nor issued_at"),
-        (Proof(token="old"), BY_TOKEN, None, "the token is not known"),
-        (Proof(issued_s=UTC_S), BY_TOKEN, "the clock was set", "the clock was set; send the token"),
-        (Proof(token=TOKEN), BY_ISSUED_AT, None, "need issued_at; send it"),
-        (Proof(token=TOKEN), BY_ISSUED_AT, "the clock was set", "need issued_at, but the clock was set"),
-    ],
-)
-def test_what_lacks_a_proof_reads_which_one_to_send(
-    proof: Proof, freshness: str, doubt: str | None, missing: str
-) -> None:
-    tokens = Tokens(RunToken("boot-1"), draw=lambda: TOKEN)
-    tokens.issue(7.0)
-
-    with pytest.raises(CommandError, match=missing):
-        dated(start(proof), freshness=(freshness,), tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))

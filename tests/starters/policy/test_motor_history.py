@@ -2,11 +2,7 @@
 
 from __future__ import annotations
 
-import json
-from typing import Any
-
 import pytest
-from pydantic import ValidationError
 
 from gateway.contract import LockRecord
 from gateway.starters.policy.motor_history import MOST_STARTS, MOTORS, MotorHistory
@@ -18,7 +14,7 @@ DAY_S = 86400.0
 
 
 def seen(*states: tuple[float, str]) -> MotorHistory:
-    motor_history = MotorHistory(["a"])
+    motor_history = MotorHistory()
     for now_s, state in states:
         motor_history.note_state("a", state, now_s=now_s)
     return motor_history
@@ -29,7 +25,7 @@ def restored(
 ) -> MotorHistory:
     """Return the motor history of the next run, whose steady clock shows `now_s` at that reading."""
     body = MOTORS.dump_json(motor_history.stored(now_s=saved_s, reading=SAVED))
-    new = MotorHistory(["a"])
+    new = MotorHistory()
     new.restore(MOTORS.validate_json(body), now_s=now_s, reading=reading)
     return new
 
@@ -53,7 +49,7 @@ def later(seconds: float, *, step_s: float = 0.0) -> ClockReading:
 def test_what_is_seen_of_a_motor_and_our_own_starts_are_its_history(
     states: str, starts: list[float], standing_since: float | None
 ) -> None:
-    motor_history = MotorHistory(["a"])
+    motor_history = MotorHistory()
     for at_s, state in map(str.split, states.split(",")):
         if state == "-":
             motor_history.note_start("a", now_s=float(at_s))
@@ -65,7 +61,7 @@ def test_what_is_seen_of_a_motor_and_our_own_starts_are_its_history(
 
 
 def test_starts_older_than_an_hour_are_forgotten_and_never_more_than_a_thousand_stored() -> None:
-    motor_history = MotorHistory(["a"])
+    motor_history = MotorHistory()
     motor_history.note_start("a", now_s=0.0)
     for second in range(MOST_STARTS + 10):
         motor_history.note_start("a", now_s=3601.0 + second)
@@ -109,29 +105,3 @@ def test_a_motor_that_moved_before_the_restart_stands_since_it_is_seen_to() -> N
     new.note_state("a", "ready", now_s=9.0)
 
     assert new.standing_since("a") == 9.0
-
-
-def test_what_was_stored_of_a_starter_that_is_configured_no_more_is_dropped() -> None:
-    new = MotorHistory(["b"])
-
-    new.restore(seen((1.0, "ready")).stored(now_s=1.0, reading=SAVED), now_s=0.0, reading=later(0.0))
-
-    assert new.standing_since("b") is None
-
-
-PAGE: dict[str, Any] = {"starts": [], "moving": None, "standing_since": None, "lock": None}
-AT = {"up_s": 1.0, "utc_s": 2.0, "boot_id": "b"}
-
-
-@pytest.mark.parametrize(
-    "document",
-    [
-        {"at": AT, "starters": {"a": {}}},
-        {"at": AT, "starters": {"a": {**PAGE, "starts": [float("nan")]}}},
-        {"at": AT, "starters": {"a": {**PAGE, "lock": {"by": "x"}}}},
-        {"at": AT, "starters": {"a": {**PAGE, "more": 1}}},
-    ],
-)
-def test_what_is_not_what_was_stored_is_damaged(document: dict[str, Any]) -> None:
-    with pytest.raises(ValidationError):
-        MOTORS.validate_json(json.dumps(document))

@@ -91,7 +91,7 @@ class Stopping:
     """One starter's stop under way; every stop message that comes meanwhile joins it."""
 
     def __init__(self, starter: StarterTelemetry) -> None:
-        self._event, self._starter = starter.emitter.event, StopAddressee(starter)
+        self._event, self._starter = starter.event, StopAddressee(starter)
         self.wire = Wire(self._starter, read_back_lane=Priority.FOLLOW_UP)
         self.frames = Frames(self._starter, self.wire, self._next_lane, self._note_written)
         self._orders: list[StopOrder] = []  # at most one message without an answer, which stands for all such
