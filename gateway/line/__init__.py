@@ -15,9 +15,17 @@ from gateway.line.port.event_loop import new_precise_loop
 from gateway.line.port.opener import SerialOpener
 from gateway.line.port_recovery import DEAF
 from gateway.line.rtu.forms import Forms
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.rtu.outstanding import EXPIRES_S
-from gateway.line.rtu.transaction import ALLOWANCE_S, request_wire_s
+from gateway.line.rtu.transaction import (
+    ALLOWANCE_S,
+    TOO_LATE,
+    Answered,
+    Garbled,
+    Outcome,
+    Refused,
+    Silent,
+    request_wire_s,
+)
 from gateway.line.scheduler.line_time import FREE_PERIOD_S
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.line.thread import LineHost

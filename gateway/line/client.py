@@ -8,7 +8,7 @@ from math import inf
 from typing import Any
 
 from gateway.line.line import Line
-from gateway.line.rtu.outcome import Outcome, Silent
+from gateway.line.rtu.transaction import Outcome, Silent
 from gateway.line.scheduler.requests import Job, Poll, Priority
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus import LineTiming, Request

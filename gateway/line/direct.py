@@ -8,8 +8,7 @@ from typing import Self
 from gateway.line.events import Trace
 from gateway.line.port.base import ClosesLate, Port, PortOpener
 from gateway.line.rtu.master import RtuMaster
-from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.transaction import ALLOWANCE_S
+from gateway.line.rtu.transaction import ALLOWANCE_S, Outcome
 from gateway.modbus import LineTiming, Request
 
 

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 from gateway.line.rtu.bus_faults import BusFault
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
+from gateway.line.rtu.transaction import Answered, Garbled, Outcome, Silent
 from gateway.line.scheduler.requests import Job, Poll
 
 POLLS_WAIT_S = 0.1

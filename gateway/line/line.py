@@ -15,8 +15,7 @@ from gateway.line.port.base import Port, PortOpener
 from gateway.line.port.tty import CountsErrors
 from gateway.line.port_recovery import PortRecovery
 from gateway.line.rtu.master import RtuMaster
-from gateway.line.rtu.outcome import TOO_LATE, Silent
-from gateway.line.rtu.transaction import ALLOWANCE_S
+from gateway.line.rtu.transaction import ALLOWANCE_S, TOO_LATE, Silent
 from gateway.line.scheduler.requests import Job, Poll
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.service import IDLE_WAKE_S, LineService

@@ -10,7 +10,7 @@ from __future__ import annotations
 from math import inf
 
 from gateway.contract import EventCode, phrase
-from gateway.line.rtu.outcome import Answered, Outcome, Refused
+from gateway.line.rtu.transaction import Answered, Outcome, Refused
 
 LONGEST_S = 600.0  # between two attempts
 ASK_EVERY_S = 2.0  # all silent units, while none answers: that takes no time from others

@@ -11,7 +11,7 @@ from gateway.line.events import LineEvents
 from gateway.line.port_recovery import DEAF, PortRecovery
 from gateway.line.rtu.forms import ANYONE, EncodedRequest
 from gateway.line.rtu.master import RtuMaster
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
+from gateway.line.rtu.transaction import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.scheduler.requests import Job, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.line.statistics import Statistics

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from math import ceil
 from typing import Any
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome
 from gateway.line.rtu.reply import first_frame
+from gateway.line.rtu.transaction import Answered, Garbled, Outcome
 from gateway.line.scheduler.requests import Slot
 from gateway.system.stalls import DelayCounts
 

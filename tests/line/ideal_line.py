@@ -7,8 +7,7 @@ from collections import defaultdict
 from collections.abc import Callable, Iterable
 from math import inf
 
-from gateway.line.rtu.outcome import Answered, Garbled, Outcome, Silent
-from gateway.line.rtu.transaction import reply_within_s, request_wire_s
+from gateway.line.rtu.transaction import Answered, Garbled, Outcome, Silent, reply_within_s, request_wire_s
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from gateway.line.scheduler.scheduler import Scheduler
 from gateway.modbus.pdu import Request

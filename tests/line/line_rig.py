@@ -13,8 +13,7 @@ from typing import Any
 from gateway.line.client import LineClient
 from gateway.line.events import LineEvent, PollResult, PortChanged, UnitChanged
 from gateway.line.port.base import Port
-from gateway.line.rtu.outcome import Outcome
-from gateway.line.rtu.transaction import ALLOWANCE_S
+from gateway.line.rtu.transaction import ALLOWANCE_S, Outcome
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.line.thread import LineHost
 from gateway.modbus.pdu import Request

@@ -13,8 +13,7 @@ from gateway.families.profile.schema import Variant
 from gateway.line.capacity.demand import Demand
 from gateway.line.capacity.line_forecast import forecast
 from gateway.line.capacity.outage import WIDE_FACTOR, Restart, first_requests_s, gaps_of
-from gateway.line.rtu.outcome import Answered
-from gateway.line.rtu.transaction import longest_s
+from gateway.line.rtu.transaction import Answered, longest_s
 from gateway.line.scheduler.requests import Slot
 from gateway.line.statistics import Statistics, quantile
 from gateway.starters import StarterSetup, polls_of

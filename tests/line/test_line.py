@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from gateway.line.line import REOPEN_MAX_S, REOPEN_MIN_S
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Outcome, Silent
+from gateway.line.rtu.transaction import TOO_LATE, Answered, Outcome, Silent
 from gateway.line.scheduler.requests import Poll, Priority
 from gateway.modbus.writes import WriteRegister
 from tests.line.line_rig import DELAY_S, READ, TIMING, LineRig, Wires, poll

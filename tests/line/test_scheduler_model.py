@@ -15,8 +15,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from gateway.line.capacity.line_forecast import Forecast, forecast
-from gateway.line.rtu.outcome import Answered, Outcome, Silent
-from gateway.line.rtu.transaction import ALLOWANCE_S, longest_s
+from gateway.line.rtu.transaction import ALLOWANCE_S, Answered, Outcome, Silent, longest_s
 from gateway.line.scheduler.line_time import JOBS_SHARE
 from gateway.line.scheduler.polls import OFFLINE_BURST_S, OFFLINE_SHARE
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot

@@ -20,7 +20,7 @@ from dataclasses import replace
 
 import pytest
 
-from gateway.line.rtu.outcome import Garbled, Outcome, Silent
+from gateway.line.rtu.transaction import Garbled, Outcome, Silent
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot
 from tests.line.ideal_line import ANSWERED, GARBLED, READ, WRITE, begun, job
 from tests.line.line_rig import poll

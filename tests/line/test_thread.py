@@ -14,7 +14,7 @@ import pytest
 from gateway.line import thread as host_module
 from gateway.line.client import LineClient
 from gateway.line.port.base import Port
-from gateway.line.rtu.outcome import Answered, Outcome, Silent
+from gateway.line.rtu.transaction import Answered, Outcome, Silent
 from gateway.line.scheduler.requests import Priority
 from gateway.line.thread import SWITCH_INTERVAL_S
 from tests.line.line_rig import READ, LineRig, Wires, poll

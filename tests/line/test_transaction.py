@@ -10,8 +10,8 @@ import pytest
 from gateway.line.events import Trace
 from gateway.line.rtu.forms import EncodedRequest
 from gateway.line.rtu.master import RtuMaster
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Silent
 from gateway.line.rtu.silence import BABBLE_LIMIT_S
+from gateway.line.rtu.transaction import TOO_LATE, Answered, Garbled, Outcome, Silent
 from gateway.modbus import adu
 from gateway.modbus.pdu import Request
 from gateway.modbus.reads import ReadHoldingRegisters

@@ -10,11 +10,10 @@ from math import inf
 from gateway.line.port.base import DeliversLate, HoldsBack, Port
 from gateway.line.rtu.bus_faults import BusFaults
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, FormChoice
-from gateway.line.rtu.outcome import TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.line.rtu.reply import Reception, judge, no_frame
 from gateway.line.rtu.silence import NoteFrame, Silence
 from gateway.line.rtu.strays import Strays
-from gateway.line.rtu.transaction import ALLOWANCE_S
+from gateway.line.rtu.transaction import ALLOWANCE_S, TOO_LATE, Answered, Garbled, Outcome, Refused, Silent
 from gateway.modbus import LineTiming, Request, adu
 
 SENT, RECEIVED = ">>", "<<"  # the directions of frames

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from gateway.errors import BadFrameError, BadReplyError
 from gateway.line.rtu.forms import EncodedRequest
-from gateway.line.rtu.outcome import Answered, Garbled, Refused
+from gateway.line.rtu.transaction import Answered, Garbled, Refused
 from gateway.modbus import EXCEPTION_BIT, Request, adu, crc16, exception_code
 
 SHORTEST_REPLY = 5  # bytes: an exception

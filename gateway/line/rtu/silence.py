@@ -6,8 +6,8 @@ from collections.abc import Callable
 from math import inf
 
 from gateway.line.port.base import Port
-from gateway.line.rtu.outcome import Garbled
 from gateway.line.rtu.strays import Strays
+from gateway.line.rtu.transaction import Garbled
 from gateway.modbus import LineTiming, adu
 
 BABBLE_LIMIT_S = 1.0  # a line that is busy for longer without our asking is not waited for

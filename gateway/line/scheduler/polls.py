@@ -6,7 +6,7 @@ import random
 from math import inf
 from typing import Any
 
-from gateway.line.rtu.outcome import Outcome, Silent
+from gateway.line.rtu.transaction import Outcome, Silent
 from gateway.line.scheduler.line_time import (
     FREE_PERIOD_S,
     EdfQueue,

@@ -9,7 +9,7 @@ from math import inf
 from typing import NamedTuple
 
 from gateway.line.rtu.forms import ANYONE, EncodedRequest, Forms
-from gateway.line.rtu.outcome import Outcome
+from gateway.line.rtu.transaction import Outcome
 from gateway.modbus import Request
 
 

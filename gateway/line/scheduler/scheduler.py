@@ -22,7 +22,7 @@ from collections.abc import Iterable
 from math import inf
 from operator import attrgetter
 
-from gateway.line.rtu.outcome import Garbled, Outcome, Silent
+from gateway.line.rtu.transaction import Garbled, Outcome, Silent
 from gateway.line.scheduler.line_time import JOBS_BURST_S, JOBS_SHARE, LineTimeBudget
 from gateway.line.scheduler.polls import PollTable
 from gateway.line.scheduler.requests import Job, Poll, Priority, Slot, Verdict

@@ -17,7 +17,7 @@ import enum
 from dataclasses import dataclass, field
 from math import inf
 
-from gateway.line.rtu.outcome import Answered, Outcome, Refused, Silent
+from gateway.line.rtu.transaction import Answered, Outcome, Refused, Silent
 from gateway.line.scheduler.line_time import Queued
 from gateway.line.scheduler.requests import Poll
 

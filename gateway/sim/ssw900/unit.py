@@ -11,18 +11,19 @@ from typing import ClassVar
 
 from gateway.families import Parameter
 from gateway.modbus import LineTiming
+from gateway.sim.core.registers import Registers, is_writable
 from gateway.sim.core.requests import refuse_address
 from gateway.sim.core.setup import Quirks, Setup
 from gateway.sim.ssw900.command_sources import SLOT_1_DECIDES
 from gateway.sim.ssw900.faults import C8_TIMEOUT, C8_TIMEOUT_MODE, Faults
 from gateway.sim.ssw900.readings import readings
-from gateway.sim.ssw900.registers import check_read, writes
 from gateway.sim.weg.common import LOCAL_SOURCE, MODE, REMOTE_SOURCE
 
 COMMAND_WORDS = {685: 1, 686: 2}  # S5.2.5, S5.2.6 -> slot
 C7_BRAKING, C7_BRAKING_TIME = 500, 501  # C7.4.1, C7.4.2
 C8_ADDRESS, C8_BAUD, C8_BYTES = 731, 732, 733
 C9_CURRENT = 295  # C9.1.1
+LONGEST_STRICT = 2  # requests of more registers pass over what does not exist or cannot be written (7.3)
 
 _FRAMINGS = ("8N1", "8E1", "8O1", "8N2", "8E2", "8O2")  # C8.2.4
 
@@ -116,3 +117,36 @@ def _marker(markers: Mapping[int, bool], address: int) -> bool:
     if address not in markers:
         raise refuse_address(address)
     return markers[address]
+
+
+def check_read(table: Registers, registers: range) -> None:
+    """Raise what answers a read of these registers, if it is refused (7.3)."""
+    for register in registers if len(registers) <= LONGEST_STRICT else ():
+        if register not in table.owners:
+            raise refuse_address(register)
+    _check_whole(table, registers)
+
+
+def writes(table: Registers, address: int, words: Sequence[int]) -> list[tuple[Parameter, Sequence[int]]]:
+    """Return what a write changes; raise what answers it, if it is refused (7.3, 7.4)."""
+    registers = range(address, address + len(words))
+    rows = {row.address: row for register in registers if (row := table.owners.get(register))}
+    for register in registers if len(registers) <= LONGEST_STRICT else ():
+        row = table.owners.get(register)
+        if row is None or not is_writable(row):
+            raise refuse_address(register)
+    _check_whole(table, registers)
+    changes = [
+        (row, words[at - address : at - address + row.words]) for at, row in rows.items() if is_writable(row)
+    ]
+    for row, its_words in changes:
+        table.check(row, its_words)
+    return changes
+
+
+def _check_whole(table: Registers, registers: range) -> None:
+    """Refuse a part of a longer type, in requests of any length (7.3; erratum D-04)."""
+    for register in (registers[0], registers[-1]):
+        row = table.owners.get(register)
+        if row is not None and not (row.address in registers and row.address + row.words - 1 in registers):
+            raise refuse_address(register)

@@ -28,9 +28,8 @@ from gateway.contract import (
     ResultRecord,
 )
 from gateway.families import reading
-from gateway.starters.command.admission import Admission
+from gateway.starters.command.admission import ANSWERED_STOPS, Admission, Overload
 from gateway.starters.command.ledger import Ledger, LedgerEntry
-from gateway.starters.command.overload import ANSWERED_STOPS, Overload
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, target_of
 from gateway.starters.command.proofs import Proofs
 from gateway.starters.command.report import CommandReport, CommandStep, GroupReport, Reporting, Retention
