@@ -5,10 +5,10 @@ from __future__ import annotations
 from tests import size_page
 
 LARGEST = {  # code lines of a room that is still above its budget: lower them with the room
-    "contract": 1028,
-    "starters": 4555,
-    "store": 1326,
-    "cli": 4029,
+    "contract": 978,
+    "starters": 4319,
+    "store": 1296,
+    "cli": 3896,
 }
 
 
