@@ -36,7 +36,8 @@ def encoded(value: Any, kind: Any = Any) -> bytes:
         payload = serializer.to_json(value, by_alias=True, fallback=_fallback)
     except PydanticSerializationError:  # a lone surrogate, from the name of a file for instance
         plain = serializer.to_python(value, mode="json", by_alias=True, fallback=_fallback)
-        text = json.dumps(plain, ensure_ascii=False, separators=(",", ":"))
+        finite = adapter_of(Any).serializer.to_python(plain, mode="json")  # a typed float may be NaN still
+        text = json.dumps(finite, ensure_ascii=False, separators=(",", ":"))
         payload = text.encode("utf-8", "replace")
     if b"e+" not in payload and b"e-" not in payload:
         return payload

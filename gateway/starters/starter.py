@@ -248,7 +248,7 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self.identity_standing is not IdentityStatus.MISMATCHED:
+        if self.contact.standing.status is not IdentityStatus.MISMATCHED:
             self.watchdogs.note(self.setup.name, rows)
 
     def _known_rows(self, at_s: float) -> Rows:

@@ -70,6 +70,7 @@ class Database:
         # Room on the disk, allocated and never written, that is given up while the disk is full.
         self._reserve = None if path is None else path.with_name(f"{path.name}-reserve")
         self._connection: Connection | None = None
+        self._damage: DamagedError | None = None  # found while the file was in use
 
     @property
     def is_open(self) -> bool:
@@ -79,9 +80,15 @@ class Database:
     def open(self) -> None:
         """Open or create the file; one that is damaged is put aside. StoreError."""
         try:
+            if self._damage is not None:
+                raise self._damage
             self._connect()
         except DamagedError as error:
-            self._lose(error)
+            self.close()
+            with translated(self.path):
+                aside = put_aside(self.path)
+            self._damage = None
+            self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
             self._connect()
         except FullError:
             if not self._give_up_reserve():
@@ -92,17 +99,20 @@ class Database:
         """Do the work in one transaction, and return its answers when it is on the disk.
 
         Work that is not flushed is in the kernel's hands: it outlives the process, but not a power cut, until
-        the next transaction that is. A file that proves damaged is put aside.
+        the next transaction that is. A file that proves damaged is put aside when it is opened next: until
+        then it keeps its name, so that no file of an earlier version takes its place.
         """
         connection = self._opened()
         try:
             with translated(self.path):
                 _ask(connection, f"PRAGMA synchronous = {'FULL' if is_flushed else 'NORMAL'}")
                 connection.execute("BEGIN IMMEDIATE")
-                with connection:  # commits, or rolls back
-                    return [work(connection) for work in works]
+                with connection:  # rolls back what fails
+                    answers = [work(connection) for work in works]
+                    connection.execute("COMMIT")  # fails where SQLite has rolled back
+                    return answers
         except DamagedError as error:
-            self._lose(error)
+            self._damage = error
             raise
 
     def take_reserve(self) -> None:
@@ -138,13 +148,6 @@ class Database:
         if connection is not None:
             with suppress(sqlite3.Error):  # its last checkpoint failed: the next one to open it does that
                 connection.close()
-
-    def _lose(self, error: DamagedError) -> None:
-        """Put the file aside, so that the next one to be opened is new. StoreError."""
-        self.close()
-        with translated(self.path):
-            aside = put_aside(self.path)
-        self.on_lost(f"{error}; put aside as {aside.name}, a new one begins")
 
     def _give_up_reserve(self) -> bool:
         """Give the room back to the disk; return whether there was any."""

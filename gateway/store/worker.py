@@ -54,7 +54,7 @@ class News(enum.StrEnum):
     OPEN = "store_open"  # for the first time
     BACK = "store_back"  # open again, after AWAY
     AWAY = "store_away"  # nothing can be stored
-    LOST = "store_lost"  # the file was set aside; a new one begins
+    LOST = "store_lost"  # the file was set aside; a new one is in use
 
 
 OnNews = Callable[[News, str], None]  # with a text for people
@@ -229,6 +229,8 @@ class Store:
         They wait until they are done, or have failed.
         """
         with self._lock:
+            if self._error is not None and not self._counts[""]:
+                return None  # all that waits is for a disk that is away
             pieces = self._waiting.values()
             ready = [piece for piece in pieces if self._error is None or not piece.is_lasting]
             first = max((piece.urgency for piece in ready), default=0)

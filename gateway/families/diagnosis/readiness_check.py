@@ -7,12 +7,13 @@ from collections.abc import Iterable, Iterator, Mapping
 from gateway.families.devices import device_of
 from gateway.families.devices.findings import Remark, Settings, Topic, Watchdog, Weight, start, unread
 from gateway.families.profile.rows import Table
-from gateway.families.profile.schema import Profile, Variant
+from gateway.families.profile.schema import Profile, Variant, once_per_profile
 from gateway.modbus import Request, WriteCoil, WriteRegister, WriteRegisters
 
 SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room for commands and retries
 
 
+@once_per_profile
 def watchdog_codes(profile: Profile) -> tuple[str, ...]:
     """Return the rows that `watchdogs` looks at, as far as the family has them."""
     device = device_of(profile)

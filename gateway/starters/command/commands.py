@@ -27,7 +27,7 @@ from gateway.contract import (
     ResultCode,
     ResultRecord,
 )
-from gateway.families import reading
+from gateway.families import Preparation, reading
 from gateway.starters.command.admission import ANSWERED_STOPS, Admission, Overload
 from gateway.starters.command.ledger import Ledger, LedgerEntry
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, target_of
@@ -122,8 +122,8 @@ class Commands:
         """
         try:
             self._admission.check_sender(request)
+            self._demand_open(request.verb)
             if request.verb != STOP:
-                self._demand_open()
                 self._preview(request, self.starters[request.starter])
         except CommandError as error:
             return error
@@ -166,15 +166,14 @@ class Commands:
         if request.verb in OWN_VERBS:
             self._own_verbs.judge(request, starter)
             return
-        preparation = self._admission.check_target(request, starter)
-        self.under_way.demand_free(request)
+        preparation = self._prepared(request, starter)
         rows, points = rows_for(preparation, starter.snapshot.rows), starter.snapshot.good_values()
         judge(request, starter, preparation, Guard(request, self.policy), rows=rows, points=points)
 
-    def _demand_open(self) -> None:
+    def _demand_open(self, verb: str) -> None:
         if self.under_way.is_closing:
             raise CommandError(ResultCode.SHUTTING_DOWN)
-        if trouble := self.journal.trouble:
+        if verb != STOP and (trouble := self.journal.trouble):
             raise CommandError(ResultCode.NOT_STORED, "trouble", trouble=trouble)
 
     def _answer(self, request: CommandRequest, refusal: CommandError | None) -> None:
@@ -216,7 +215,7 @@ class Commands:
         """Take a command that is not known yet; refuse one that cannot even begin."""
         starter = self.starters[request.starter]
         try:
-            self._demand_open()
+            self._demand_open(request.verb)
             if request.verb in OWN_VERBS:
                 self._do_own(request, starter)
             else:
@@ -228,13 +227,22 @@ class Commands:
 
     def _begin(self, request: CommandRequest, starter: StarterTelemetry) -> None:
         """Carry out a command of a starter's family; CommandError when it cannot even begin."""
-        preparation = self._admission.check_target(request, starter)
-        self.under_way.demand_free(request)
+        preparation = self._prepared(request, starter)
         guard = self._admission.guard(request, starter)
         reads = reading.with_rows(starter.profile, preparation.reads, guard.codes)
         report = CommandReport(request, self._reporting)
         report.accept()
         self.under_way.begin(report, replace(preparation, reads=reads), guard)
+
+    def _prepared(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
+        """Return what is to be read and done; CommandError where the starter is not free for this command."""
+        busy = self.under_way.busy(request.starter)
+        if busy is None:  # an old wish is told of the stop, whatever else is wrong with it
+            self.under_way.demand_decided_after_stop(request)
+        preparation = self._admission.check_target(request, starter)
+        if busy is not None:
+            raise busy
+        return preparation
 
     def _do_own(self, request: CommandRequest, starter: StarterTelemetry) -> None:
         """Carry out one of the gateway's own verbs; CommandError when it must not be."""

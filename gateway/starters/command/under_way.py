@@ -50,14 +50,11 @@ class UnderWay:
         self.is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
-    def demand_free(self, request: CommandRequest) -> None:
-        """Demand a starter under no command or client's stop, nor reload, and none since the decision."""
-        name = request.starter
+    def busy(self, name: str) -> CommandError | None:
+        """Return the refusal for a starter under a command, a client's stop or a reload."""
         if name in self._runs or (name in self._stops and not self._stops[name].is_own):
-            raise CommandError(ResultCode.BUSY, "command")
-        if name in self._leaving:
-            raise CommandError(ResultCode.BUSY, "reload")
-        self.demand_decided_after_stop(request)
+            return CommandError(ResultCode.BUSY, "command")
+        return CommandError(ResultCode.BUSY, "reload") if name in self._leaving else None
 
     def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
         """Carry out an accepted command other than a stop."""

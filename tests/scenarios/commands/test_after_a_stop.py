@@ -56,6 +56,7 @@ def few_tokens(plant: RigPlant) -> str:
 ROWS = [
     late("a start by a token of before", by_old("start")),
     late("a start by a token of before the group's stop", by_old("start"), stopped="hall"),
+    late("a start by a token of before that is wrong besides", by_old("start", args={"speed": 1})),
     late("a start issued before", issued(2.0)),
     late("a start issued after, by a clock that may be 2 s ahead", issued(0.1)),
     late(
