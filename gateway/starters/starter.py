@@ -15,7 +15,7 @@ from typing import assert_never
 
 from gateway.contract import CommandError, EventCode, RecordWriter, phrase
 from gateway.errors import PortLostError
-from gateway.families import Identity, Profile, Variant, reading
+from gateway.families import Identity, Profile, Variant, diagnosis, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
 from gateway.starters.bulk_read import BulkReading, read_in_bulk, short_reads
@@ -248,7 +248,9 @@ class StarterTelemetry:
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
-        if self.contact.standing.status is not IdentityStatus.MISMATCHED:
+        if rows.keys().isdisjoint(diagnosis.watchdog_codes(self.setup.profile)):
+            return  # as nearly always
+        if self.identity_standing is not IdentityStatus.MISMATCHED:
             self.watchdogs.note(self.setup.name, rows)
 
     def _known_rows(self, at_s: float) -> Rows:
