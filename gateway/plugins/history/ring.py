@@ -3,7 +3,7 @@
 Each point has a list of times and one of values. A value that does not change has two entries, the first and
 the latest reading of it. A point with `MOST` entries gives up every other one of its older half: near the
 present nothing is missing, and at four readings a second a minute is there. A point that is read seldom
-gives up what is older than `KEPT_S`, `FEW` entries at a time. Times are on the steady clock.
+gives up what is older than `LASTS_S`, `FEW` entries at a time. Times are on the steady clock.
 """
 
 from __future__ import annotations
@@ -19,9 +19,8 @@ from gateway.contract import ReadingTable
 BEFORE_S = 60.0  # what a table shows of the time before its moment
 MOST = 240  # readings of one point: four a second for a minute
 FEW = 16
-KEPT_S = (
-    BEFORE_S + 30.0
-)  # a table may be asked for some readings after its moment, and a late record 15 s after
+# So much is there of the time before a trip, whose table is asked for up to 15 s after it, or some readings.
+LASTS_S = BEFORE_S + 30.0
 
 Number = bool | int | float
 Moment = tuple[float, Mapping[str, Number]]
@@ -47,7 +46,7 @@ class _PointReadings:
         if len(self.times) >= MOST:
             del self.times[1 : MOST // 2 : 2]
             del self.values[1 : MOST // 2 : 2]
-        elif len(self.times) > 2 * FEW and self.times[FEW] < at_s - KEPT_S:
+        elif len(self.times) > 2 * FEW and self.times[FEW] < at_s - LASTS_S:
             del self.times[:FEW]
             del self.values[:FEW]
 

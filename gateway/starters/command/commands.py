@@ -237,7 +237,7 @@ class Commands:
     def _prepared(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
         """Return what is to be read and done; CommandError where the starter is not free for this command."""
         busy = self.under_way.busy(request.starter)
-        if busy is None:  # an old wish is told of the stop, whatever else is wrong with it
+        if busy is None:  # the refusal of an old wish names the stop, whatever else is wrong with it
             self.under_way.demand_decided_after_stop(request)
         preparation = self._admission.check_target(request, starter)
         if busy is not None:
