@@ -27,7 +27,7 @@ SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a sta
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
 Word = Annotated[int, Field(ge=0, le=0xFFFF, strict=True)]
-OnLine = Sequence[tuple[StarterSetup, Sequence[Poll]]]  # the starters of a line with their polls
+OnLine = Sequence[tuple[StarterSetup, float | None]]  # the starters of a line with their watchdogs
 
 
 @dataclass(slots=True)
@@ -80,8 +80,7 @@ class KnownWatchdogs:
 
     def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
         """Return the polls with which a starter begins, with the deadline that they must meet."""
-        limit_s = self.limit_s(setup)
-        return tuple(replace(poll, deadline_s=limit_s) for poll in polls_of(setup))
+        return _dated(polls_of(setup), self.limit_s(setup))
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
@@ -132,7 +131,7 @@ class KnownWatchdogs:
 
     async def missed_on(self, setups: Iterable[StarterSetup]) -> dict[str, str]:
         """Return by name, in words, the watchdogs that a line with these starters would miss."""
-        on_line = [(setup, self.polls(setup)) for setup in setups]
+        on_line = [(setup, self.limit_s(setup)) for setup in setups]
         whole = await asyncio.to_thread(_forecast, on_line[0][0], on_line)
         names = {setup.address: setup.name for setup, _ in on_line}
         return {names[each.unit]: _unkept(each, names[each.unit]).text for each in whole.missed}
@@ -145,9 +144,9 @@ class KnownWatchdogs:
             line.set_deadline(setup.address, self.limit_s(setup))
 
     def _on_line(self, setup: StarterSetup) -> OnLine:
-        """Return the starters of this one's line with their polls, which keep them from their watchdogs."""
+        """Return the starters of this one's line with their watchdogs."""
         setups = [each for each, _ in self._starters.values() if each.line == setup.line]
-        return [(each, self.polls(each)) for each in setups]
+        return [(each, self.limit_s(each)) for each in setups]
 
 
 def _watchdog_rows(profile: Profile, rows: Rows) -> Rows:
@@ -170,9 +169,13 @@ def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
     return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
+def _dated(polls: Iterable[Poll], limit_s: float | None) -> tuple[Poll, ...]:
+    return tuple(replace(poll, deadline_s=limit_s) for poll in polls)
+
+
 def _forecast(setup: StarterSetup, on_line: OnLine) -> capacity.Forecast:
     """Return what a starter's line is like; this may take some tenths of a second."""
-    polls = [poll for _, polls in on_line for poll in polls]
+    polls = [poll for each, limit_s in on_line for poll in _dated(polls_of(each), limit_s)]
     return capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s)
 
 
@@ -193,10 +196,7 @@ def _refusal(setup: StarterSetup, before: OnLine, limit_s: float) -> CommandErro
     known = {each.unit for each in _forecast(setup, before).missed} - {setup.address}
 
     def missed(limit_s: float) -> list[capacity.Missed]:
-        after = [
-            (each, [replace(poll, deadline_s=limit_s) for poll in polls] if each is setup else polls)
-            for each, polls in before
-        ]
+        after = [(each, limit_s if each is setup else its_s) for each, its_s in before]
         return [each for each in _forecast(setup, after).missed if each.unit not in known]
 
     found = missed(limit_s)

@@ -6,7 +6,7 @@ their ages by that, and adds what has certainly passed since. No step of the wal
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from math import inf
 from typing import Any
 
@@ -109,6 +109,12 @@ class MotorHistory:
             if page.moving is False and now_s - written_s > OURS_WITHIN_S:
                 self._count(starter, now_s)
         self._change(starter, moving=is_moving, standing_since=None if is_moving else now_s)
+
+    def watch_only(self, starters: Iterable[str]) -> None:
+        """Forget since when all other motors stand still: nobody sees them from now on."""
+        for name in self._pages.keys() - set(starters):
+            if self._pages[name].moving is not None:
+                self._change(name, moving=None, standing_since=None)
 
     def stored(self, *, now_s: float, reading: ClockReading) -> StoredMotors:
         """Return what is to be stored now: `now_s` on the steady clock, `reading` of the machine's."""

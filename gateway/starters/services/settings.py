@@ -21,6 +21,7 @@ from gateway.contract import EventCode, Severity, phrase
 from gateway.families import (
     Parameter,
     Profile,
+    Read,
     Weight,
     diagnosis,
     once_per_profile,
@@ -56,12 +57,13 @@ class SettingsWatch(StarterService):
         recalled = starter.watchdogs.rows(starter.setup.name)
         self._known = {code: words for code, words in recalled.items() if code in self._watched}
         self._refused_s: dict[str, float] = {}  # by row: when it was refused
+        self._lap: deque[Read] = deque()  # its reads that are still to be made
         self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
         self._patrol = SupervisedTask(f"keypad {starter.setup.name}")
 
     def begin(self) -> None:
-        """Look at the readiness, and begin with the laps."""
+        """Look at the readiness, and go on with the laps."""
         self._readiness.begin(self._look_until_read)
         self._patrol.begin(self._walk)
 
@@ -105,14 +107,14 @@ class SettingsWatch(StarterService):
         while self._watched:
             since_s = now_s() - REFUSED_FOR_S
             codes = [c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s]
-            reads = deque(short_reads(self._starter.profile, codes))
-            if not reads:  # each row was refused
+            self._lap = self._lap or deque(short_reads(self._starter.profile, codes))
+            if not self._lap:  # each row was refused
                 await asyncio.sleep(REFUSED_FOR_S)
-            while reads:
+            while self._lap:
                 await asyncio.sleep(every_s)
                 if not self._starter.is_identified:
-                    return  # its next identification begins this again
-                found = await self._starter.read_rows(reads.popleft().codes)
+                    return  # its next identification goes on from here
+                found = await self._starter.read_rows(self._lap.popleft().codes)
                 if found is None:
                     continue
                 self._refused_s |= dict.fromkeys(found.refused, now_s())

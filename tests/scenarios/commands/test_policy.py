@@ -274,6 +274,21 @@ LOCKS = [
               at={3.0: "end", 4.0: [with_document("locks", "{"), "start"], 8.0: do("pump start"),
                   9.0: do("pump unlock"), 10.0: do("pump start")}),
     row(
+        "while a starter is out of the configuration nobody sees its motor: its pause begins again",
+        given=TWO + rules(minimum_pause_s=20),
+        sim={"fan": QUICK},
+        at={
+            30.0: reload(SITE + rules(minimum_pause_s=20)),
+            60.0: reload(TWO + rules(minimum_pause_s=20)),
+            66.0: do("fan start"),
+            85.0: do("fan start"),
+        },
+        then={
+            67.0: result("start rejected pause_too_short", starter="fan"),
+            89.0: result("start confirmed ok", starter="fan"),
+        },
+    ),
+    row(
         "a command under way ends by the rules and rights it came under, the next is judged by the new ones",
         given=SITE,
         sim={"pump": QUICK},

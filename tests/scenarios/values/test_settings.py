@@ -160,6 +160,16 @@ ROWS = [
         then={500: seen(EVENTS, times=1, code="parameter_changed", data={"parameter": "P314"})},
     ),
     row(
+        "the patrol comes to its last rows however often the starter is silent",
+        given=SELDOM_POLLED_900,
+        at={
+            **{150.0 * n: "mill power off" for n in range(1, 9)},
+            **{150.0 * n + 20: "mill power on" for n in range(1, 9)},
+            700.0: "mill C8.1.2.25 = 1",
+        },
+        then={1300: seen("starter/mill/event", code="parameter_changed", data={"parameter": "C8.1.2.25"})},
+    ),
+    row(
         "the patrol stops asking for a row that is refused",
         given=SELDOM_POLLED,
         at={0: refuse_rows("pump", {277, 278})},
