@@ -54,11 +54,15 @@ def _words(detail: ErrorDetails) -> tuple[str, str]:
             return "is no password line", _PASTE
         case "string_pattern_mismatch":
             return f"is {short(value)}", PATTERN_HINTS[ctx["pattern"]]
+        case "string_too_short":
+            return "is empty", "leave the key out, or give it a value"
         case "too_short":
             return "is empty", several or "name at least one"
         case "literal_error" if isinstance(value, str) and "'" in ctx["expected"]:
             return f"is {short(value)}", choose(value, re.findall(r"'([^']*)'", ctx["expected"]))
         case "tuple_type" if several:
             return "is not a list of tables", f"write [[{header}]], with two brackets"
+        case "model_type":
+            return f"is {short(value)}", f"must be a table, [{header}]"
         case _:
             return f"is {short(value)}", demand_of(detail)

@@ -185,7 +185,8 @@ class LineTable(ConfigTable):
             value, allowed = vars(self).get(key), getattr(load_profile(family), f"{key}s")
             if value is not None and allowed and value not in allowed:
                 hint = f"its manual allows {', '.join(map(str, allowed))}"
-                yield Mistake((key,), f"{value} is not for {family} ({vars(starter).get('name')})", hint)
+                whose = f" ({starter.name})" if "name" in vars(starter) else ""
+                yield Mistake((key,), f"{value} is not for {family}{whose}", hint)
 
 
 class OperatorTable(ConfigTable):

@@ -84,7 +84,8 @@ class RowTable(ConfigTable):
     @property
     def place(self) -> int | None:
         """Return the address of its first register; None where it is missing."""
-        return self.address if self.profile.raw_range is None else extension.number_in(self.parameter)
+        address = self.address  # a wrong one leaves the row unjudged, also where its code says the place
+        return address if self.profile.raw_range is None else extension.number_in(self.parameter)
 
     @property
     def limits(self) -> tuple[int, int] | None:
@@ -139,13 +140,14 @@ class RowTable(ConfigTable):
     def described(self) -> extension.SiteRow:
         """Return the row as the family's own rows are; a scale by the model, as its manual has it, stays."""
         known = self.profile.parameters.get(self.parameter)
+        place, words = self.place, self.words  # first: where they are wrong the scale has not been judged
         low, high = self.limits or (None, None)
         row = Parameter(
             code=self.parameter,
             name=self.title,
             table=Table.HOLDING,
-            address=self.place or 0,
-            words=self.words,
+            address=place or 0,
+            words=words,
             type=Type(self.type),
             decimals=SCALES.index(self.scale),
             unit=self.unit,
