@@ -88,8 +88,8 @@ address = 2 => address = 1
 "ssw07" => "sst" | line 11: line[0].framing: 8E1 is not for sst (pump-1) (its manual allows 8N2)
 19200 => 115200
     | line 10: line[0].baud: 115200 is not for ssw07 (pump-1) (its manual allows 9600, 19200, 38400)
-19200\nframing = "8E1"\n\n[[line.starter]]\nname = "pump-1" => 115200\nframing = "8E1"\n\n[[line.starter]]
-    | line 10: line[0].baud: 115200 is not for ssw07 (its manual allows 9600
+19200\nframing = "8E1"\n\n[[line.starter]]\nname = "pump-1" => 57600\nframing = "8E1"\n\n[[line.starter]]
+    | line 10: line[0].baud: 57600 is not for ssw07 (its manual allows 9600
 /dev/rs485-pumps => COM3
     | line 9: line[0].port: 'COM3' is no port (such as /dev/serial/by-id/...
 /dev/rs485-pumps => socket://moxa:65536 | line 9: line[0].port: 'socket://moxa:65536' is no port (such as
