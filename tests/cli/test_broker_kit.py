@@ -220,7 +220,7 @@ def test_the_plants_certificates_are_taken_where_they_fit_together_and_are_for_t
     (plant / "none.pem").write_text("not a certificate", "utf-8")
 
     for ca, cert, key, what in (
-        (other / "ca.pem", other / "broker.pem", other / "broker.key", ": broker.pem is not for broker.plant ("),
+        (other / "ca.pem", other / "broker.pem", other / "broker.key", "broker.pem is not for broker.plant"),
         (plant / "ca.pem", plant / "broker.pem", other / "broker.key", "do not fit together: "),
         (other / "ca.pem", plant / "broker.pem", plant / "broker.key", "do not fit together: "),
         (plant / "ca.pem", plant / "broker.pem", plant / "secret.key", "the key without a passphrase"),

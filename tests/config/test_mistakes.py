@@ -257,7 +257,7 @@ SECOND = "line[0].starter[1]"
         (('family = "ssw900"', 'family = "x"\nslot = 1'), RULES, ["line[0].starter[0].name"]),
         (('"mcc1"', '"m 1"'), HOME, ["homeassistant.discovery_prefix"]),
         (("[mqtt]", '[mqtt]\nbase = "A"'), HOME, ["homeassistant.discovery_prefix"]),
-        (('family = "ssw900"', 'family = "x"'), RULES.replace("pump-1", '*-2", "fan'), ["rules[0].starters[1]"]),
+        (('"ssw900"', '"x"'), RULES.replace("pump-1", '*-2", "fan'), ["rules[0].starters[1]"]),
         (('name = "pump-2"', 'name = "pump-1"'), RULES.replace("pump", "pmup"), ["rules[0].starters[0]"]),
         (('name = "pump-2"\n', ""), RULES.replace("pump", "pmup"), ["rules[0].starters[0]"]),
         (("[[operator]]", UNNAMED), '[homeassistant]\noperator = "alcie"', ["homeassistant.operator"]),
