@@ -31,6 +31,7 @@ from gateway.starters import OWN_POINT_NAMES
 SPARKPLUG_NAMESPACE = "spBv1.0"
 
 Check = Callable[[Config], Iterable[Mistake]]
+_OfStarters = OperatorTable | SharedRulesTable | GroupTable | PointsTable
 
 _ONE_TARGET = "each starter needs its own name, and so does each group"  # a command's topic names one
 _UNIQUE = {  # keys of which no two may be alike, and why
@@ -78,9 +79,7 @@ def _alike(config: Config, _: Config) -> Iterator[Mistake]:
                 seen.setdefault(one, spell((*key, name)))
 
 
-def _unfitting(
-    table: OperatorTable | SharedRulesTable | GroupTable | PointsTable, config: Config
-) -> Iterator[Mistake]:
+def _unfitting(table: _OfStarters, config: Config) -> Iterator[Mistake]:
     """Yield patterns that fit no starter; of [[points]] also those that fit none of their family."""
     named = [starter for starter in config.starters if "name" in vars(starter)]
     for place, pattern in enumerate(table.starters if "starters" in table.model_fields_set else ()):
@@ -158,8 +157,7 @@ def _foreign_topics(table: HomeAssistantTable, config: Config) -> Iterator[Mista
     for key, (whose, others_of) in product(("discovery_prefix", "birth_topic"), foreign.items()):
         with WHERE_RIGHT:
             topic, others = getattr(table, key) or "", others_of()
-            is_own = (key, whose) == ("discovery_prefix", "discovery's")
-            if _is_one_in_the_other(topic, others) and not is_own:
+            if _is_one_in_the_other(topic, others) and (key, whose) != ("discovery_prefix", "discovery's"):
                 yield Mistake((key,), f"lies among {whose} topics", f"a topic outside {short(others)}")
 
 
@@ -178,7 +176,7 @@ def _is_one_in_the_other(one: str, other: str) -> bool:
 
 _RULES: tuple[tuple[type | UnionType, Callable[[Any, Config], Iterable[Mistake]]], ...] = (  # in this order
     (ConfigTable, lambda table, _: table.contradictions()),
-    (OperatorTable | SharedRulesTable | GroupTable | PointsTable, _unfitting),
+    (_OfStarters, _unfitting),
     (WebUserTable | HomeAssistantTable | SparkplugTable, _stranger),
     (LineTable | StarterTable | PointsTable, _wrong_codes),
     (LineTable, _extend),

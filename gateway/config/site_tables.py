@@ -84,7 +84,7 @@ class RowTable(ConfigTable):
     @property
     def place(self) -> int | None:
         """Return the address of its first register; None where it is missing."""
-        address = self.address  # a wrong one leaves the row unjudged, also where its code says the place
+        address = self.address  # where it is wrong, so is the row, even if its code says the place
         return address if self.profile.raw_range is None else extension.number_in(self.parameter)
 
     @property
@@ -105,6 +105,8 @@ class RowTable(ConfigTable):
         profile = self.profile
         if not profile.protected.site:
             return "family", f"the manual of {self.family} describes all its rows", "leave this [[row]] out"
+        if self.scale not in SCALES:  # early: `described` reckons with it, and need not be right otherwise
+            return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
         if self.place is None and profile.raw_range is None:
             return "parameter", "needs address beside it", "its register, as that manual prints it"
         if self.place is None:
@@ -114,8 +116,6 @@ class RowTable(ConfigTable):
             return "address", f"is {self.address}, and not the number of {self.parameter}", "leave it out"
         if self.place + self.words > REGISTERS:
             return "address", f"{self.place} and the next are no registers", "the last register is 65535"
-        if self.scale not in SCALES:
-            return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
         if self.limits is None and (self.writable or self.min is not None or self.max is not None):
             missing = "min" if self.min is None else "max"
             return ("writable" if self.writable else "parameter"), f"needs {missing} beside it", "both limits"
@@ -140,14 +140,13 @@ class RowTable(ConfigTable):
     def described(self) -> extension.SiteRow:
         """Return the row as the family's own rows are; a scale by the model, as its manual has it, stays."""
         known = self.profile.parameters.get(self.parameter)
-        place, words = self.place, self.words  # first: where they are wrong the scale has not been judged
         low, high = self.limits or (None, None)
         row = Parameter(
             code=self.parameter,
             name=self.title,
             table=Table.HOLDING,
-            address=place or 0,
-            words=words,
+            address=self.place or 0,
+            words=self.words,
             type=Type(self.type),
             decimals=SCALES.index(self.scale),
             unit=self.unit,

@@ -133,7 +133,7 @@ ROW"P102"\nmin = 0.25\nmax = 1\nscale = 0.1
 ROW"P102"LIMITS\nscale = 0.5 | line 36: row[0].scale: is 0.5 (one of 1, 0.1, 0.01,
 ROW"P102"\nmin = 9\nmax = 1 | line 34: row[0].max: 9 to 1 do not fit u16
 ROW"P102"LIMITS\naddress = 7 | line 36: row[0].address: is 7, and not the number of P102
-ROW"P102"LIMITS\naddress = 7\nscale = 0.5 | line 36: row[0].address: is 7, and not the number of P102
+ROW"P102"LIMITS\naddress = 7\nscale = 0.5 | line 37: row[0].scale: is 0.5
 ROW"P102"LIMITS\ntype = "u8"\nscale = 0 | line 36: row[0].type: is 'u8' (one of u16
 ROW"X102"LIMITS | line 32: row[0].parameter: 'X102' is no parameter of ssw07
 ROW"P314"LIMITS | line 32: row[0].parameter: P314 is not to be described: the family's manual desc
