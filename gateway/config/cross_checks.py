@@ -31,6 +31,7 @@ from gateway.starters import OWN_POINT_NAMES
 SPARKPLUG_NAMESPACE = "spBv1.0"
 
 Check = Callable[[Config], Iterable[Mistake]]
+_OfStarters = OperatorTable | SharedRulesTable | GroupTable | PointsTable
 
 _ONE_TARGET = "each starter needs its own name, and so does each group"  # a command's topic names one
 _UNIQUE = {  # keys of which no two may be alike, and why
@@ -78,24 +79,25 @@ def _alike(config: Config, _: Config) -> Iterator[Mistake]:
                 seen.setdefault(one, spell((*key, name)))
 
 
-def _unfitting(
-    table: OperatorTable | SharedRulesTable | GroupTable | PointsTable, config: Config
-) -> Iterator[Mistake]:
+def _unfitting(table: _OfStarters, config: Config) -> Iterator[Mistake]:
     """Yield patterns that fit no starter; of [[points]] also those that fit none of their family."""
-    for place, pattern in enumerate(table.starters):
-        fitting = [each for each in config.starters if each.is_among([pattern])]
-        families = sorted({each.family for each in fitting})
+    named = [starter for starter in config.starters if "name" in vars(starter)]
+    for place, pattern in enumerate(table.starters if "starters" in table.model_fields_set else ()):
+        fitting = [starter for starter in named if starter.is_among([pattern])]
         if not fitting:
-            hint = choose(pattern, [each.name for each in config.starters])
+            hint = choose(pattern, [starter.name for starter in named]) if named else ""
             yield Mistake(("starters", place), f"{short(pattern)} fits no starter", hint)
-        elif isinstance(table, PointsTable) and table.family not in families:
-            hint = f"such starters are of {' and '.join(families)}"
-            yield Mistake(("starters", place), f"{short(pattern)} fits no {table.family}", hint)
+        elif isinstance(table, PointsTable):
+            with WHERE_RIGHT:
+                if table.family not in (families := sorted({starter.family for starter in fitting})):
+                    hint = f"such starters are of {' and '.join(families)}"
+                    yield Mistake(("starters", place), f"{short(pattern)} fits no {table.family}", hint)
 
 
 def _stranger(table: WebUserTable | HomeAssistantTable | SparkplugTable, config: Config) -> Iterator[Mistake]:
     """Yield the client whose rights a login or a network is to have, where no operator has that name."""
-    if table.operator and table.operator not in (clients := [each.client for each in config.operators]):
+    clients = [operator.client for operator in config.operators if "client" in vars(operator)]
+    if table.operator and table.operator not in clients:
         hint = choose(table.operator, clients) if clients else "add an [[operator]] with this client"
         yield Mistake(("operator",), f"{short(table.operator)} is no [[operator]]'s client", hint)
 
@@ -155,7 +157,7 @@ def _foreign_topics(table: HomeAssistantTable, config: Config) -> Iterator[Mista
     for key, (whose, others_of) in product(("discovery_prefix", "birth_topic"), foreign.items()):
         with WHERE_RIGHT:
             topic, others = getattr(table, key) or "", others_of()
-            if _is_one_in_the_other(topic, others) and f"{topic}/device" != others:
+            if _is_one_in_the_other(topic, others) and (key, whose) != ("discovery_prefix", "discovery's"):
                 yield Mistake((key,), f"lies among {whose} topics", f"a topic outside {short(others)}")
 
 
@@ -174,12 +176,12 @@ def _is_one_in_the_other(one: str, other: str) -> bool:
 
 _RULES: tuple[tuple[type | UnionType, Callable[[Any, Config], Iterable[Mistake]]], ...] = (  # in this order
     (ConfigTable, lambda table, _: table.contradictions()),
-    (Config, _alike),
-    (OperatorTable | SharedRulesTable | GroupTable | PointsTable, _unfitting),
+    (_OfStarters, _unfitting),
     (WebUserTable | HomeAssistantTable | SparkplugTable, _stranger),
     (LineTable | StarterTable | PointsTable, _wrong_codes),
     (LineTable, _extend),
     (HistoryTable, _untraced),
+    (Config, _alike),  # the rules before it judge also names that two tables have
     (StarterTable, _half_feeder),
     (HomeAssistantTable, _foreign_topics),
     (MetricsTable, _unserved),

@@ -14,6 +14,7 @@ from gateway.system.password_hash import LINE_PATTERN
 from gateway.system.value_demands import demand_of
 
 _PASTE = "paste the line that starter-gateway web-password prints"
+_EMPTY = {"too_short": "name at least one", "string_too_short": "leave the key out, or give it a value"}
 _MISSING = {
     "web.user.operator": "name the client of an [[operator]]: the login has its rights",
     "web.user.password": _PASTE,
@@ -54,11 +55,12 @@ def _words(detail: ErrorDetails) -> tuple[str, str]:
             return "is no password line", _PASTE
         case "string_pattern_mismatch":
             return f"is {short(value)}", PATTERN_HINTS[ctx["pattern"]]
-        case "too_short":
-            return "is empty", several or "name at least one"
+        case "too_short" | "string_too_short":
+            return "is empty", several or _EMPTY[kind]
         case "literal_error" if isinstance(value, str) and "'" in ctx["expected"]:
             return f"is {short(value)}", choose(value, re.findall(r"'([^']*)'", ctx["expected"]))
         case "tuple_type" if several:
             return "is not a list of tables", f"write [[{header}]], with two brackets"
         case _:
-            return f"is {short(value)}", demand_of(detail)
+            demand = f"must be a table, [{header}]" if kind == "model_type" else demand_of(detail)
+            return f"is {short(value)}", demand

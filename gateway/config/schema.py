@@ -25,13 +25,7 @@ from gateway.config.integration_tables import (
 )
 from gateway.config.mistakes import WHERE_RIGHT, Mistake, short
 from gateway.config.simulated_tables import SimulatedTable
-from gateway.config.site_tables import (
-    Family,
-    Language,
-    PointsTable,
-    RowTable,
-    SiteAdditions,
-)
+from gateway.config.site_tables import Family, Language, PointsTable, RowTable, SiteAdditions
 from gateway.config.values import ConfigTable, Glob, Name, Port, RowPattern, Several, Text, Title
 from gateway.contract import OWN_VERBS
 from gateway.families import ENGLISH, Profile, diagnosis, extension, load_profile
@@ -185,7 +179,8 @@ class LineTable(ConfigTable):
             value, allowed = vars(self).get(key), getattr(load_profile(family), f"{key}s")
             if value is not None and allowed and value not in allowed:
                 hint = f"its manual allows {', '.join(map(str, allowed))}"
-                yield Mistake((key,), f"{value} is not for {family} ({vars(starter).get('name')})", hint)
+                whose = f" ({starter.name})" if "name" in vars(starter) else ""
+                yield Mistake((key,), f"{value} is not for {family}{whose}", hint)
 
 
 class OperatorTable(ConfigTable):

@@ -84,7 +84,8 @@ class RowTable(ConfigTable):
     @property
     def place(self) -> int | None:
         """Return the address of its first register; None where it is missing."""
-        return self.address if self.profile.raw_range is None else extension.number_in(self.parameter)
+        address = self.address  # where it is wrong, so is the row, even if its code says the place
+        return address if self.profile.raw_range is None else extension.number_in(self.parameter)
 
     @property
     def limits(self) -> tuple[int, int] | None:
@@ -104,6 +105,8 @@ class RowTable(ConfigTable):
         profile = self.profile
         if not profile.protected.site:
             return "family", f"the manual of {self.family} describes all its rows", "leave this [[row]] out"
+        if self.scale not in SCALES:  # early: `described` reckons with it, and need not be right otherwise
+            return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
         if self.place is None and profile.raw_range is None:
             return "parameter", "needs address beside it", "its register, as that manual prints it"
         if self.place is None:
@@ -113,8 +116,6 @@ class RowTable(ConfigTable):
             return "address", f"is {self.address}, and not the number of {self.parameter}", "leave it out"
         if self.place + self.words > REGISTERS:
             return "address", f"{self.place} and the next are no registers", "the last register is 65535"
-        if self.scale not in SCALES:
-            return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
         if self.limits is None and (self.writable or self.min is not None or self.max is not None):
             missing = "min" if self.min is None else "max"
             return ("writable" if self.writable else "parameter"), f"needs {missing} beside it", "both limits"

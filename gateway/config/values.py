@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import ipaddress
 import posixpath
 import re
@@ -158,10 +159,11 @@ class ConfigTable(BaseModel):
                     yield from item.tables((*at, place))
 
     def forget(self, key: object) -> None:
-        """Take a wrong value out; of an unknown key all that are not given: it may be any, misspelt."""
+        """Take a wrong value out; of an unknown key those not given that it may be, misspelt."""
         names = {field.alias or name: name for name, field in type(self).model_fields.items()}
-        for name in {names[str(key)]} if key in names else {*names.values()} - self.model_fields_set:
-            self.__dict__.pop(name, None)
+        unset = [known for known, name in names.items() if name not in self.model_fields_set]
+        for known in [str(key)] if key in names else difflib.get_close_matches(str(key).lower(), unset):
+            self.__dict__.pop(names[known], None)
 
     if not TYPE_CHECKING:  # for which every name would be known then
 

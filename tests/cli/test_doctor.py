@@ -82,8 +82,13 @@ def test_what_may_not_be_written_of_the_state_directory_is_a_problem(
     assert f"{tmp_path}/history.sqlite in it may not be written by the gateway's user (chown -R" in file.said
 
     denied = tmp_path.name
-    assert "chown" in state_dir_finding(tmp_path).remedy
+    assert "may not be written by this user (chown it to" in state_dir_finding(tmp_path).said
     assert state_dir_finding(tmp_path / "none").weight is Weight.ERROR
+    (tmp_path / "file").touch()
+    assert state_dir_finding(tmp_path / "file").said.endswith("/file is no folder (choose another one)")
+
+    monkeypatch.setattr(os, "access", lambda path, how: not how & os.R_OK)  # as /root is for others
+    assert state_dir_finding(tmp_path / "none").weight is None
 
 
 @pytest.mark.root

@@ -35,7 +35,7 @@ framing = "8E1" => framing = "8E1"\norder = ["pump-2", "pump-1", "pump-2"]
 ["pump-*"] => ["fan*"] | line 27: operator[0].starters[0]: 'fan*' fits no starter
 ["start", "stop"] => ["start", 3] | line 26: operator[0].may[1]: is 3 (must be 'start', 'reset',
 name = "mcc1" => name = "A65" | line 2: gateway.name: is 'aaaaaaaa
-[mqtt] => [mqtt]\nusername = "" | line 5: mqtt.username: is '' (must have at least 1 character)
+[mqtt] => [mqtt]\nusername = "" | line 5: mqtt.username: is empty (leave the key out, or give it a value)
 mqtts://broker.plant:8883 => mqtts://broker:99999
     | line 5: mqtt.url: is no broker address (mqtts://host:8883; a login goes into username and
 mqtts://broker.plant:8883 => mqtts://bob:secret@broker | line 5: mqtt.url: is no broker address (mqtts://host
@@ -54,6 +54,9 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
 [mqtt] => [homeassistant]\n[mqtt]\nbase = "homeassistant/device/sg_{gateway}"
     | line 4: homeassistant.discovery_prefix: lies among the gateway's own topics (a topic outside 'homeassist
 [mqtt] => [homeassistant]\n[mqtt]\nbase = "homeassistant" | line 4: homeassistant.discovery_prefix: lies among
+[mqtt] => [homeassistant]\n[mqtt]\nbase = "homeassistant/device" | line 4: homeassistant.discovery_prefix: lie
+[homeassistant]\ndiscovery_prefix = "ha"\nbirth_topic = "ha"
+    | line 30: homeassistant.birth_topic: lies among discovery's topics (a topic outside 'ha/device')
 [homeassistant]\ndiscovery_prefix = "spBv1.0"
     | line 29: homeassistant.discovery_prefix: lies among Sparkplug's topics
 [homeassistant]\ndiscovery_prefix = "ha"\nbirth_topic = "ha/device/sg_other/config"
@@ -64,6 +67,7 @@ family = "ssw07" => family = "ssw900"\nwatchdog_s = 0.5
     | line 29: history.values[0]: 'xyzzy' is a point of no starter (the topics B/starter/+/info list
 [metrics] | line 28: metrics: nothing serves them (add a [web] table, whose server answers /metrics
 [metrics]\ntextfile = "/var/lib/.prom" | line 29: metrics.textfile: is '/var/lib/.prom' (a file's name
+[gateway] => web = 7\n[gateway] | line 1: web: is 7 (must be a table, [web])
 [web]\nlisten = "8480" | line 29: web.listen: '8480' is no address with a port
 [web]\ntrusted_proxies = ["proxy"] | line 29: web.trusted_proxies[0]: 'proxy' is no address
 [web]\nhosts = ["http://x"] | line 29: web.hosts[0]: is 'http://x' (a name or address without port
@@ -84,6 +88,8 @@ address = 2 => address = 1
 "ssw07" => "sst" | line 11: line[0].framing: 8E1 is not for sst (pump-1) (its manual allows 8N2)
 19200 => 115200
     | line 10: line[0].baud: 115200 is not for ssw07 (pump-1) (its manual allows 9600, 19200, 38400)
+19200\nframing = "8E1"\n\n[[line.starter]]\nname = "pump-1" => 57600\nframing = "8E1"\n\n[[line.starter]]
+    | line 10: line[0].baud: 57600 is not for ssw07 (its manual allows 9600
 /dev/rs485-pumps => COM3
     | line 9: line[0].port: 'COM3' is no port (such as /dev/serial/by-id/...
 /dev/rs485-pumps => socket://moxa:65536 | line 9: line[0].port: 'socket://moxa:65536' is no port (such as
@@ -127,6 +133,8 @@ ROW"P102"\nmin = 0.25\nmax = 1\nscale = 0.1
 ROW"P102"LIMITS\nscale = 0.5 | line 36: row[0].scale: is 0.5 (one of 1, 0.1, 0.01,
 ROW"P102"\nmin = 9\nmax = 1 | line 34: row[0].max: 9 to 1 do not fit u16
 ROW"P102"LIMITS\naddress = 7 | line 36: row[0].address: is 7, and not the number of P102
+ROW"P102"LIMITS\naddress = 7\nscale = 0.5 | line 37: row[0].scale: is 0.5
+ROW"P102"LIMITS\ntype = "u8"\nscale = 0 | line 36: row[0].type: is 'u8' (one of u16
 ROW"X102"LIMITS | line 32: row[0].parameter: 'X102' is no parameter of ssw07
 ROW"P314"LIMITS | line 32: row[0].parameter: P314 is not to be described: the family's manual desc
 ROW"P005"LIMITS | line 32: row[0].parameter: P005 is not to be described: it is read as a point of the family
@@ -188,6 +196,7 @@ ROW"P102"\n[[points]]\nfamily = "ssw07"\ncodes = ["p102", "P1*"]
 ROW"P101"LIMITS
 MENU"C5.3.9"\naddress = 2000\ntype = "s16"
 [[points]]\nfamily = "ssw07"\ncodes = ["P101"]\nstarters = ["pump-*"]
+[[points]]\nfamily = "sst"\ncodes = ["R41"]
 [history]\nvalues = ["torque_pct", "energy_kwh", "p101"]\n[[points]]\nfamily = "ssw07"\ncodes = ["P101"]
 [homeassistant]\noperator = "alice"\ncommands = true\npage_url = "https://mcc1.plant:8480/page"
 [homeassistant]\ndiscovery_prefix = "ha/one"\nbirth_topic = "ha/one/Status.1"
@@ -233,6 +242,8 @@ def test_what_is_right_is_taken(row: str) -> None:
 
 HOME = '[homeassistant]\ndiscovery_prefix = "spBv1.0/{}"\nbirth_topic = "starters/mcc1"\n'
 RULES = '[[rules]]\nstarters = ["pump-1"]\nfeeder = "a"\n'
+P999 = '[[points]]\nfamily = "ssw07"\ncodes = ["P999"]\n'
+UNNAMED = '[[operator]]\nmay = ["stop"]\nstarters = ["*"]\n[[operator]]'
 SECOND = "line[0].starter[1]"
 
 
@@ -246,6 +257,11 @@ SECOND = "line[0].starter[1]"
         (('family = "ssw900"', 'family = "x"\nslot = 1'), RULES, ["line[0].starter[0].name"]),
         (('"mcc1"', '"m 1"'), HOME, ["homeassistant.discovery_prefix"]),
         (("[mqtt]", '[mqtt]\nbase = "A"'), HOME, ["homeassistant.discovery_prefix"]),
+        (('"ssw900"', '"x"'), RULES.replace("pump-1", '*-2", "fan'), ["rules[0].starters[1]"]),
+        (('name = "pump-2"', 'name = "pump-1"'), RULES.replace("pump", "pmup"), ["rules[0].starters[0]"]),
+        (('name = "pump-2"\n', ""), RULES.replace("pump", "pmup"), ["rules[0].starters[0]"]),
+        (("[[operator]]", UNNAMED), '[homeassistant]\noperator = "alcie"', ["homeassistant.operator"]),
+        (("[gateway]", "zzz = 1\n[gateway]"), P999, ["points[0].codes[0]"]),
         # Where the wrong key may decide about it, nothing is said that may be false.
         (("every_s = 2.0", 'every_s = 2.0\npoints = "P999"'), "", []),
         (("address = 2", 'address = 2\npionts = ["S1.1.1"]'), '[history]\nvalues = ["s1_1_1"]', []),

@@ -7,7 +7,7 @@ import asyncio
 from functools import partial
 from pathlib import Path
 
-from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA_KEY
+from gateway.cli.broker_kit.certificates import BROKER_DAYS, CA, CA_KEY, CERT, ends_on
 from gateway.cli.broker_kit.kit import CENTRAL, is_kit, write_kit
 from gateway.cli.broker_kit.logins import FOLDER, logins_of
 from gateway.cli.broker_kit.proof import BrokerProof
@@ -69,9 +69,11 @@ def _describe(config: Config, folder: Path, settings: KitSettings, logins: tuple
     for login in logins:
         whose = f" of {login.client}" if login.client not in ("", login.name) else ""
         print(f"  {login.name:{width}}  {', '.join(sorted(login.roles))}{whose}")
-    if (folder / CA_KEY).exists():
-        print(f"the broker's certificate is valid for {BROKER_DAYS} days; --update signs the next one")
-        print(f"  store {CA_KEY} off this machine")
+    if config.mqtt.is_tls:
+        cert, ca = ends_on(folder / CERT), ends_on(folder / CA)
+        print(f"the broker's certificate is valid until {cert}, its authority until {ca}")
+        if (folder / CA_KEY).exists():
+            print(f"  --update signs the next, within {BROKER_DAYS} days; store {CA_KEY} off this machine")
     if settings.bridge:
         print(f"the bridge to {settings.bridge}: bridge.conf; for the central broker: {folder / CENTRAL}")
         remote = ", ".join(remote_clients(config))

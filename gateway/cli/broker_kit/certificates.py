@@ -43,18 +43,27 @@ def complete_certificates(folder: Path, hosts: Sequence[str], *, gateway: str) -
         signed = ("-CA", CA, "-CAkey", CA_KEY, "-days", str(BROKER_DAYS), "-keyout", KEY, "-out", CERT)
         _make(folder, "/CN=broker", (*_BROKER, f"subjectAltName={names}"), *signed)
         return
-    try:
-        for host in hosts:  # certificates between the broker's and the authority are in the same file
-            named = ("-verify_ip" if _is_address(host) else "-verify_hostname", host)
-            _openssl(
-                folder, "verify", "-purpose", "sslserver", *named, "-CAfile", CA, "-untrusted", CERT, CERT
-            )
+    try:  # certificates between the broker's and the authority are in the same file
+        _openssl(folder, "verify", "-purpose", "sslserver", "-CAfile", CA, "-untrusted", CERT, CERT)
         context = ssl.SSLContext(ssl.PROTOCOL_TLS_SERVER)
         context.load_cert_chain(folder / CERT, folder / KEY, password="")  # the broker cannot ask for one
     except (StartError, OSError) as error:  # as OSError also ssl's
         hint = f"PEM files, the key without a passphrase; or fetch {CA_KEY} back into the kit"
-        what = f"{CA}, {CERT} and {KEY} do not fit together, or are not for {', '.join(hosts)}"
-        raise UsageError(f"{what}: {error} ({hint})") from error
+        raise UsageError(f"{CA}, {CERT} and {KEY} do not fit together: {error} ({hint})") from error
+    if missing := [host for host in hosts if not _is_for(folder, host)]:
+        hint = f"fetch {CA_KEY} back into the kit, or put a certificate with these names there"
+        raise UsageError(f"{CERT} is not for {', '.join(missing)} ({hint})")
+
+
+def ends_on(certificate: Path) -> str:
+    """Return until when a certificate is valid, as openssl prints it."""
+    shown = _openssl(certificate.parent, "x509", "-noout", "-enddate", "-in", certificate.name)
+    return shown.partition("=")[2]
+
+
+def _is_for(folder: Path, host: str) -> bool:
+    kind = "-checkip" if _is_address(host) else "-checkhost"
+    return "does match" in _openssl(folder, "x509", "-noout", kind, host, "-in", CERT)
 
 
 def _is_address(host: str) -> bool:
@@ -68,8 +77,8 @@ def _make(folder: Path, subject: str, extensions: Sequence[str], *options: str) 
     _openssl(folder, *_NEW, "-subj", subject, *added, *options)
 
 
-def _openssl(folder: Path, *arguments: str) -> None:
-    """Run openssl in a folder; StartError when it is not here, or fails."""
+def _openssl(folder: Path, *arguments: str) -> str:
+    """Run openssl in a folder and return what it printed; StartError when it is not here, or fails."""
     if shutil.which("openssl") is None:
         raise StartError("openssl is not here", "apt-get install openssl")
     done = subprocess.run(
@@ -88,3 +97,4 @@ def _openssl(folder: Path, *arguments: str) -> None:
             f"openssl {arguments[0]}: {''.join(reason[-1:])}",
             f"look at {CA}, {CA_KEY} and {CERT}; without {CA_KEY} nothing is signed",
         )
+    return done.stdout.strip()

@@ -143,5 +143,6 @@ def _named(config: Config, settings: KitSettings) -> Iterator[Login]:
         if node in (gateway, *clients) or not re.fullmatch(LOGIN_NAME, node):
             what = "the node needs a login of its own: at this broker a login has one connection at a time"
             hint = f'urls = ["{config.mqtt.url}"], username = "{config.gateway.name}-spb", password_file'
+            hint += ", ca_file" if config.mqtt.is_tls else ""
             raise ConfigError("broker-kit", [Problem("sparkplug.username", what, hint)])
         yield Login(node, "", {Role.SPARKPLUG_NODE})

@@ -76,10 +76,13 @@ def wear_findings(folder: Path) -> Iterator[Finding]:
 def state_dir_finding(folder: Path) -> Finding:
     """Return whether the state directory, and all that is the gateway's in it, may be written."""
     there = next(each for each in (folder.absolute(), *folder.absolute().parents) if each.exists())
-    if not there.is_dir() or not os.access(there, os.R_OK | os.W_OK | os.X_OK):
-        what = f"{there} is no folder, or may not be written by this user"
-        return Finding("state_dir", what, Weight.ERROR, f"make {folder}, and chown it to the gateway's user")
-    if there != folder.absolute():
+    is_made = there == folder.absolute()
+    if not there.is_dir():
+        return Finding("state_dir", f"{there} is no folder", Weight.ERROR, "choose another one")
+    if not os.access(there, os.W_OK | os.X_OK | (os.R_OK if is_made else 0)):
+        remedy = "chown it to the gateway's user" if is_made else f"make {folder} for the gateway's user"
+        return Finding("state_dir", f"{there} may not be written by this user", Weight.ERROR, remedy)
+    if not is_made:
         return Finding("state_dir", f"{folder} is not there yet: `run` makes it")
     foreign = [str(path) for path in _foreign_in(folder)]
     if foreign:

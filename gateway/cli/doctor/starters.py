@@ -12,7 +12,7 @@ from gateway.config import setups_of, timing_of
 from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
 from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
 from gateway.families import Identity, Weight, device_of, diagnosis, reading
-from gateway.line import Outcome, PortOpener, Survey
+from gateway.line import Garbled, Outcome, PortOpener, Silent, Survey
 from gateway.modbus import Request
 from gateway.mqtt import BrokerSettings, CommandClient
 from gateway.starters import (
@@ -80,7 +80,10 @@ class LineCheckup:
     async def _ask_directly(self, setup: StarterSetup, survey: Survey) -> None:
         async def put(request: Request) -> Outcome:
             within_s = setup.response_time_of(request)
-            return await survey.ask(setup.address, request, response_time_s=within_s)
+            outcome = await survey.ask(setup.address, request, response_time_s=within_s)
+            if isinstance(outcome, Silent | Garbled) and not outcome.is_sent:  # nothing ever will be
+                raise PortLostError(self.prospect.table.port, outcome.reason, "what else is on this line?")
+            return outcome
 
         where, codes = f"starter {setup.name}", _codes(setup)
         try:

@@ -8,7 +8,7 @@ import time
 from pathlib import Path
 
 from gateway.cli.broker import add_login
-from gateway.cli.command import Progress, add_starter, flag, write_text
+from gateway.cli.command import Progress, add_starter, counted, flag, write_text
 from gateway.cli.parameters.restore import restore
 from gateway.cli.parameters.through_gateway import LiveStarter, variant_of
 from gateway.contract import rfc3339
@@ -45,6 +45,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         "--factory",
         about="instead of B: what the starter is delivered with, as far as its serial manual prints it",
     )
+    flag(diff, "--all", about="also rows that can only be read: measured values, and some settings")
     flag(restoring, "--dry-run", about="print what would be written, and write nothing")
     flag(
         restoring,
@@ -52,6 +53,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
         about="also those that say who commands the motor ([protected.command_sources]): writing them may"
         " start the motor when a run command is pending in the starter",
     )
+    flag(restoring, "--other-model", about="restore also a file that was saved from another model")
     for action in (save, diff, restoring):
         add_login(action, client="the operator; may be left out when there is only one")
 
@@ -100,14 +102,17 @@ def _diff(args: argparse.Namespace) -> int:
         after = _set(args.b, args)
     if before.family != after.family:
         raise UsageError(f"{args.a} is of family {before.family}, {args.b} of {after.family}: not comparable")
-    found = differences(before, after, profile=profile)
+    found = differences(before, after, profile=profile, with_readings=args.all and not args.factory)
     for difference in found:
         print(difference.text)
     if args.factory:
         same = [code for code in after.parameters if code not in {each.code for each in found}]
         print(f"as delivered: {', '.join(same) or 'none'}")
     elif not found:
-        print(f"no setting differs between {args.a} and {args.b}")
+        what = "no difference" if args.all else "no setting differs"
+        unseen = len(differences(before, after, profile=profile, with_readings=True))
+        more = f" (--all shows {counted(unseen, 'row')} that can only be read)" if unseen else ""
+        print(f"{what} between {args.a} and {args.b}{more}")
     return 1 if found else 0
 
 

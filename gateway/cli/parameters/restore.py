@@ -32,9 +32,9 @@ async def restore(live: LiveStarter, wanted: ParameterSet, args: Namespace) -> i
         what = f"the file is of family {wanted.family}, {live.name} of {live.profile.family}"
         raise UsageError(f"{what}: choose another file")
     info = await live.info()
-    if wanted.model and info.model and wanted.model != info.model:
+    if wanted.model and info.model and wanted.model != info.model and not args.other_model:
         what = f"the file was saved from {wanted.model!r}, this is {info.model!r}"
-        raise UsageError(f"{what} (take `model` out of the file to restore it nevertheless)")
+        raise UsageError(f"{what} (--other-model restores it nevertheless)")
     seen = await live.read(restore_codes(live.profile, wanted), Progress())
     plan = plan_restore(
         live.profile,

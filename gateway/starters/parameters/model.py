@@ -95,8 +95,10 @@ def of_factory(profile: Profile, like: ParameterSet) -> tuple[ParameterSet, Para
     return replace(like, parameters=factory), replace(like, parameters=held)
 
 
-def differences(before: ParameterSet, after: ParameterSet, *, profile: Profile) -> tuple[Difference, ...]:
-    """Return in which settings two sets of one family differ; what can only be read is none."""
+def differences(
+    before: ParameterSet, after: ParameterSet, *, profile: Profile, with_readings: bool = False
+) -> tuple[Difference, ...]:
+    """Return in which settings two sets of one family differ; `with_readings`: in which of all rows."""
     found = []
     for code in dict.fromkeys((*before.parameters, *after.parameters)):
         row = profile.parameters.get(code)
@@ -105,7 +107,7 @@ def differences(before: ParameterSet, after: ParameterSet, *, profile: Profile) 
             is_setting = any(parameters.is_named(each.name) for each in (one, other) if each)
         else:
             is_setting = reading.is_setting(profile, row)
-        if is_setting and not _is_same(one, other):
+        if (with_readings or is_setting) and not _is_same(one, other):
             name = next((each.name for each in (one, other) if each is not None), "")
             found.append(Difference(code, name, one, other))
     return tuple(found)

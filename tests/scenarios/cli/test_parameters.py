@@ -161,10 +161,11 @@ SETS = [
         **wanted("ssw07", P230="DI"),
     ),
     beside(
-        "a set of another model is refused",
+        "a set of another model is refused unless asked for",
         PUMP,
-        restore("pump", code=2, err="(take `model` out of the file to restore it nevertheless)"),
+        restore("pump", code=2, err="(--other-model restores it nevertheless)"),
         frames("pump"),
+        restore("pump", "--other-model", out="written and read back: P314"),
         **wanted("ssw07", model="SSW-07 17.0A", P314=3),
     ),
     beside(
@@ -241,7 +242,9 @@ FILES = [
     for words, code, out, err in [
         ("diff a.toml b.toml", 1, re.compile("^P314 : 3 -> 5\n$"), ""),
         ("diff a.toml a.toml", 0, re.compile("^no setting differs between a.toml and a.toml\n$"), ""),
-        ("diff a.toml read.toml", 0, "no setting differs between a.toml and read.toml\n", ""),
+        ("diff a.toml read.toml", 0, "read.toml (--all shows 2 rows that can only be read)\n", ""),
+        ("diff a.toml read.toml --all", 1, re.compile("^P003 .*\nP101 .*\n$"), ""),
+        ("diff a.toml a.toml --all", 0, "no difference between a.toml and a.toml\n", ""),
         ("diff new.toml --factory", 0, "as delivered: P220, P314\n", ""),
         ("diff used.toml --factory", 1, re.compile(r"^P220 .*: 2 \(.*-> .*\nas delivered: P314\n$"), ""),
         ("diff a.toml", 2, "", "name a second set"),

@@ -16,6 +16,7 @@ from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, resul
 from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter, table
 from tests.rig.state import with_sql
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
+from tests.scenarios.line.wires import chatter
 
 SCAN = "scan /dev/pumps --baud 19200 --framing 8N2 --address"
 TRIPPED = {3.0: command("pump/alice/start"), 6.0: "pump trip E05"}
@@ -260,6 +261,13 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         "line pumps: /dev/pumps opens",
         "1 error",
         then=[lambda plant: plant.loop.call_later(0.3, plant.lines["pumps"].unplug)],
+    ),
+    looked(
+        "a line that is never quiet is an error, once for all its starters",
+        SSW07 + starter("second", 2, "ssw07"),
+        "error   line pumps: .*the line is never quiet",
+        r"\A(?![\s\S]* starter )[\s\S]*\n1 error,",
+        then=[chatter(0.002, 60.0)],
     ),
     looked(
         "the corrupted requests that an SSW900 has counted are a problem",
@@ -567,11 +575,14 @@ KIT = [
         out="",
         err="kit/kit.json: no kit that can be read: No such file or directory (write one first)",
     ),
-    kit(
-        "Sparkplug needs a login of its own at this broker",
-        given=LOCAL + table("sparkplug", group="plant"),
-        code=78,
-        err="sparkplug",
+    *(
+        kit(
+            f"Sparkplug needs a login of its own at this broker: {scheme}",
+            given=LOCAL.replace("mqtt:", f"{scheme}:") + table("sparkplug", group="plant"),
+            code=78,
+            err=f'username = "plant-spb", {files})',
+        )
+        for scheme, files in (("mqtt", "password_file"), ("mqtts", "password_file, ca_file"))
     ),
     *(
         kit(
