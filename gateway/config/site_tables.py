@@ -105,7 +105,7 @@ class RowTable(ConfigTable):
         profile = self.profile
         if not profile.protected.site:
             return "family", f"the manual of {self.family} describes all its rows", "leave this [[row]] out"
-        if self.scale not in SCALES:  # early: `described` reckons with it, and need not be right otherwise
+        if self.scale not in SCALES:  # first: `described` divides by it
             return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
         if self.place is None and profile.raw_range is None:
             return "parameter", "needs address beside it", "its register, as that manual prints it"
