@@ -82,10 +82,10 @@ def _alike(config: Config, _: Config) -> Iterator[Mistake]:
 def _unfitting(table: _OfStarters, config: Config) -> Iterator[Mistake]:
     """Yield patterns that fit no starter; of [[points]] also those that fit none of their family."""
     named = [starter for starter in config.starters if "name" in vars(starter)]
-    for place, pattern in enumerate(table.starters if "starters" in table.model_fields_set else ()):
+    for place, pattern in enumerate(table.starters if named and "starters" in table.model_fields_set else ()):
         fitting = [starter for starter in named if starter.is_among([pattern])]
         if not fitting:
-            hint = choose(pattern, [starter.name for starter in named]) if named else ""
+            hint = choose(pattern, [starter.name for starter in named])
             yield Mistake(("starters", place), f"{short(pattern)} fits no starter", hint)
         elif isinstance(table, PointsTable):
             with WHERE_RIGHT:
@@ -104,16 +104,13 @@ def _stranger(table: WebUserTable | HomeAssistantTable | SparkplugTable, config:
 
 def _wrong_codes(table: LineTable | StarterTable | PointsTable, config: Config) -> Iterator[Mistake]:
     """Yield codes and patterns that fit no readable row of the families of their table."""
-    name = "codes" if isinstance(table, PointsTable) else "points"
-    codes, starters = getattr(table, name), table.starters if isinstance(table, LineTable) else (table,)
-    if codes:
-        families = dict.fromkeys(each.family for each in starters)
-        profiles = [
-            extension.extended(load_profile(family), rows_of(family, config.rows), ()) for family in families
-        ]
+    key = "codes" if isinstance(table, PointsTable) else "points"
+    codes, starters = getattr(table, key), table.starters if isinstance(table, LineTable) else (table,)
+    families = dict.fromkeys(starter.family for starter in starters)
+    profiles = [extension.extended(load_profile(name), rows_of(name, config.rows), ()) for name in families]
     for place, code in enumerate(codes):
         if not any(extension.matching(profile, code) for profile in profiles):
-            yield Mistake((name, place), *extension.why_no_row(profiles, code))
+            yield Mistake((key, place), *extension.why_no_row(profiles, code))
 
 
 def _extend(line: LineTable, config: Config) -> Iterable[Mistake]:

@@ -25,7 +25,13 @@ from gateway.config.integration_tables import (
 )
 from gateway.config.mistakes import WHERE_RIGHT, Mistake, short
 from gateway.config.simulated_tables import SimulatedTable
-from gateway.config.site_tables import Family, Language, PointsTable, RowTable, SiteAdditions
+from gateway.config.site_tables import (
+    Family,
+    Language,
+    PointsTable,
+    RowTable,
+    SiteAdditions,
+)
 from gateway.config.values import ConfigTable, Glob, Name, Port, RowPattern, Several, Text, Title
 from gateway.contract import OWN_VERBS
 from gateway.families import ENGLISH, Profile, diagnosis, extension, load_profile

@@ -105,13 +105,12 @@ class RowTable(ConfigTable):
         profile = self.profile
         if not profile.protected.site:
             return "family", f"the manual of {self.family} describes all its rows", "leave this [[row]] out"
-        if self.scale not in SCALES:  # early: `described` reckons with it, and need not be right otherwise
+        if self.scale not in SCALES:  # first: `described` divides by it
             return "scale", f"is {self.scale:g}", f"one of {', '.join(f'{each:g}' for each in SCALES)}"
         if self.place is None and profile.raw_range is None:
             return "parameter", "needs address beside it", "its register, as that manual prints it"
         if self.place is None:
-            hint = "P and three digits, such as P102"
-            return "parameter", f"{self.parameter!r} is no parameter of {self.family}", hint
+            return "parameter", f"{self.parameter!r} is no parameter of {self.family}", "such as P102"
         if self.address is not None and self.address != self.place:
             return "address", f"is {self.address}, and not the number of {self.parameter}", "leave it out"
         if self.place + self.words > REGISTERS:
@@ -126,8 +125,7 @@ class RowTable(ConfigTable):
             low, high = self.limits
             lowest, highest = TYPE_LIMITS[Type(self.type)]
             if not lowest <= low <= high <= highest:
-                hint = "another type, or other limits"
-                return "max", f"{self.min:g} to {self.max:g} do not fit {self.type}", hint
+                return "max", f"{self.min:g} to {self.max:g} do not fit {self.type}", "another type or limits"
         why = extension.why_not_described(profile, self.described().row)
         if why:
             return "parameter", f"{self.parameter} is not to be described: {why}", "leave this [[row]] out"
