@@ -274,7 +274,7 @@ LOCKS = [
               at={3.0: "end", 4.0: [with_document("locks", "{"), "start"], 8.0: do("pump start"),
                   9.0: do("pump unlock"), 10.0: do("pump start")}),
     row(
-        "while a starter is out of the configuration nobody sees its motor: its pause begins again",
+        "a motor whose starter was out of the configuration has its pause from then on",
         given=TWO + rules(minimum_pause_s=20),
         sim={"fan": QUICK},
         at={
