@@ -111,7 +111,7 @@ class MotorHistory:
         self._change(starter, moving=is_moving, standing_since=None if is_moving else now_s)
 
     def watch_only(self, starters: Iterable[str]) -> None:
-        """Forget since when all other motors stand still: nobody sees them from now on."""
+        """Forget since when all other motors stand still: their states are not read from now on."""
         for name in self._pages.keys() - set(starters):
             if self._pages[name].moving is not None:
                 self._change(name, moving=None, standing_since=None)
