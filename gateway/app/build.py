@@ -70,6 +70,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         records=records,
         documents=state.documents,
     )
+    policy.motor_history.watch_only(setup.name for setup in starters_in if setup.is_enabled)
     history = History(
         HistoryStore(site.state_dir / HISTORY_FILE),
         starters_in,

@@ -148,7 +148,7 @@ class App:
         self.clock_watch.reconfigure(config.gateway.clock)
         self.state.audit.note("gateway_reloaded", "by another configuration from now on")
         self.uplink.reconfigure(config)
-        self.policy.motor_history.watch_only(each.name for each in config.starters)
+        self.policy.motor_history.watch_only(each.name for each in config.starters if each.enabled)
         for name in self.policy.apply(policy_of(config), rights=rights):
             self.plant.starters[name].republish_state()
         self.history.reconfigure(setups_in(config), changed=changes.starters_gone, traced=config.traced)

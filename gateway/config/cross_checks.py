@@ -106,7 +106,7 @@ def _wrong_codes(table: LineTable | StarterTable | PointsTable, config: Config) 
     """Yield codes and patterns that fit no readable row of the families of their table."""
     key = "codes" if isinstance(table, PointsTable) else "points"
     codes, starters = getattr(table, key), table.starters if isinstance(table, LineTable) else (table,)
-    families = dict.fromkeys(starter.family for starter in starters)
+    families = dict.fromkeys(starter.family for starter in starters) if codes else {}
     profiles = [extension.extended(load_profile(name), rows_of(name, config.rows), ()) for name in families]
     for place, code in enumerate(codes):
         if not any(extension.matching(profile, code) for profile in profiles):

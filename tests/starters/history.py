@@ -120,6 +120,13 @@ class History:
         )
         return plugged[-1] and not is_disturbed
 
+    def _is_started(self, name: str, since_s: float, until_s: float) -> bool:
+        """Return whether a start was written to a starter, or to any of a group."""
+        names = [name] if name in NAMES else NAMES
+        return any(
+            since_s <= at_s <= until_s for each in names for at_s in self._world.frames(each, START_PDU)
+        )
+
     def _check_ends(self) -> None:
         """Every command that was accepted has one end; a group's stands for its members' when cut short.
 
@@ -135,8 +142,10 @@ class History:
             if each.phase is Phase.ACCEPTED:
                 assert key not in accepted, "accepted twice"
                 accepted.add(key)
-                # A stop is accepted before it is stored, and a crash may come between where the disk is slow.
-                if each.verb == "stop" and any(a <= at_s <= b for a, b in self._world.unstored):
+                # A command is accepted before it is stored; a crash may come between where the disk is slow,
+                # and until then nothing but a stop is written.
+                crash_s = next((b for a, b in self._world.unstored if a <= at_s <= b), None)
+                if crash_s is not None and not self._is_started(each.starter, at_s, crash_s):
                     forgotten.add(key)
             elif each.phase.is_final:
                 if key in accepted:

@@ -66,7 +66,6 @@ class Policy:
             self.motor_history.restore(
                 self.document.loaded, now_s=self.clock.now_s(), reading=self.clock.reading()
             )
-            self.motor_history.watch_only(starters)
         elif self.document.damage:  # lock each starter that somebody may unlock
             self._unsure = set(starters)
             self._lock_unsure()

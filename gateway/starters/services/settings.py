@@ -107,6 +107,7 @@ class SettingsWatch(StarterService):
         while self._watched:
             since_s = now_s() - REFUSED_FOR_S
             codes = [c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s]
+            is_rest = bool(self._lap)  # of a lap before a silence: a whole one follows as fast
             self._lap = self._lap or deque(short_reads(self._starter.profile, codes))
             if not self._lap:  # each row was refused
                 await asyncio.sleep(REFUSED_FOR_S)
@@ -120,7 +121,7 @@ class SettingsWatch(StarterService):
                 self._refused_s |= dict.fromkeys(found.refused, now_s())
                 if self._note_reading(found.rows):
                     self._readiness.begin(self._look_until_read)
-            every_s = EVERY_S
+            every_s = every_s if is_rest else EVERY_S
 
     def _note_reading(self, rows: Mapping[str, Words]) -> bool:
         """Take settings that were just read; publish those that have changed, and return whether one has."""

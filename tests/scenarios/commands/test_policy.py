@@ -273,20 +273,26 @@ LOCKS = [
               seen("starter/pump/state", locked=...),
               at={3.0: "end", 4.0: [with_document("locks", "{"), "start"], 8.0: do("pump start"),
                   9.0: do("pump unlock"), 10.0: do("pump start")}),
-    row(
-        "a motor whose starter was out of the configuration has its pause from then on",
-        given=TWO + rules(minimum_pause_s=20),
-        sim={"fan": QUICK},
-        at={
-            30.0: reload(SITE + rules(minimum_pause_s=20)),
-            60.0: reload(TWO + rules(minimum_pause_s=20)),
-            66.0: do("fan start"),
-            85.0: do("fan start"),
-        },
-        then={
-            67.0: result("start rejected pause_too_short", starter="fan"),
-            89.0: result("start confirmed ok", starter="fan"),
-        },
+    *(
+        row(
+            f"a motor whose starter was {how} has its pause from then on",
+            given=TWO + rules(minimum_pause_s=20),
+            sim={"fan": QUICK},
+            at={
+                30.0: reload(without + rules(minimum_pause_s=20)),
+                60.0: reload(TWO + rules(minimum_pause_s=20)),
+                66.0: do("fan start"),
+                85.0: do("fan start"),
+            },
+            then={
+                67.0: result("start rejected pause_too_short", starter="fan"),
+                89.0: result("start confirmed ok", starter="fan"),
+            },
+        )
+        for how, without in (
+            ("out of the configuration", SITE),
+            ("disabled", SSW07 + starter("fan", 2, "ssw06", enabled=False) + ALICE),
+        )
     ),
     row(
         "a command under way ends by the rules and rights it came under, the next is judged by the new ones",
