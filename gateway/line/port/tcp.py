@@ -56,7 +56,7 @@ class SocketPort(OpenPort):
             self._wake()
 
     def _look_once(self) -> None:
-        """Leave it to the transport: what came in the last moment is read by the next wait."""
+        """Leave it to the transport: the next wait reads bytes of the last moment."""
 
 
 async def connect(name: str) -> SocketPort:

@@ -86,7 +86,7 @@ class TtyPort(OpenPort):
             raise PortLostError(self._name, "stuck: takes no more bytes", "unplug the adapter")
 
     def close(self) -> None:
-        """Give the tty up at once; what it has not sent is dropped, or closing would wait for it."""
+        """Give the tty up at once; unsent bytes are dropped, or closing would wait for them."""
         self._look_away()
         with contextlib.suppress(OSError, termios.error):
             self._device.reset_output_buffer()
@@ -110,7 +110,7 @@ class TtyPort(OpenPort):
             self._watch()
 
     def _on_readable(self) -> None:
-        """Take what has arrived at the moment when that is known: what comes after it is the silence."""
+        """Take the bytes that have arrived, at the moment when that is known: the silence begins then."""
         self._look_once()
         if len(self._received) >= self._wanted or self._lost is not None:
             self._wake()

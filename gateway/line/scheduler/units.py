@@ -25,7 +25,7 @@ SILENT_AFTER = 2  # misses: where 5 % of the replies are lost this happens every
 OFFLINE_AFTER = 4  # and this hardly ever
 PROBE_MIN_S = 1.0  # between two probes of a silent unit at least
 PROBE_MAX_S = 16.0  # and at most
-LATE_FOR_S = 30.0  # so long a unit may answer too late only, before it counts as one that does not
+LATE_FOR_S = 30.0  # a unit that answers only too late for longer counts as silent
 FADING_S = 5.0  # after anything was received: its silence may be noise, and is not counted as offline
 
 
