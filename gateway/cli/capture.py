@@ -20,6 +20,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 from gateway.app.capture_socket import FORMAT, socket_path
+from gateway.cli.command import counted
 from gateway.config import load
 from gateway.errors import CaptureError, UsageError
 
@@ -116,7 +117,7 @@ async def _record(path: Path, target: Path, seconds: float | None) -> None:
                 raise CaptureError("the gateway has ended, or found this capture too slow") from error
             finally:  # the file is whole, however the recording has ended
                 look = f"look at them with: tshark -r {shlex.quote(str(target))} {READ_WITH}"
-                print(f"{count} frames; {look}", file=sys.stderr)
+                print(f"{counted(count, 'frame')}; {look}", file=sys.stderr)
 
 
 def _opened(path: Path) -> BinaryIO:

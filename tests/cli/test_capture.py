@@ -118,7 +118,7 @@ async def test_a_gateway_that_ends_meanwhile_is_reported_and_the_file_stored(
     assert await capturing == 1
     errors = capsys.readouterr().err
     assert "the gateway has ended" in errors
-    assert "1 frames; look at them with" in errors
+    assert "1 frame; look at them with" in errors
     assert ASKED in (tmp_path / "line.pcapng").read_bytes()
     assert mode(path) is None  # nothing is left behind
 

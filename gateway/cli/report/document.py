@@ -257,7 +257,6 @@ def _trends(facts: MotorFacts, t: Translate) -> Iterator[Plot]:
             [month.month[2:] for month in months],
             width=180.0,
             height=96.0,
-            from_zero=False,
         )
 
 

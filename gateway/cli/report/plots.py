@@ -25,14 +25,13 @@ class PlotLine(NamedTuple):
 
 
 class Plot(NamedTuple):
-    """Curves over one pair of axes; 0 is on the y axis where it is near or `from_zero` says so."""
+    """Curves over one pair of axes; 0 is on the y axis where it is near."""
 
     label: str  # of the y axis, and of x where it has numbers
     curves: Sequence[PlotLine]
     names: Sequence[str] = ()  # of x = 0, 1 ... in place of numbers
     width: float = 560.0
     height: float = 142.0
-    from_zero: bool = True
 
     def svg(self) -> str:
         """Return the plot as an element."""
@@ -73,8 +72,7 @@ class Plot(NamedTuple):
 
     def _y_ticks(self, ys: Sequence[float]) -> list[float]:
         least, most = min(ys, default=0.0), max(ys, default=1.0)
-        is_near = self.from_zero or least < 0.4 * most
-        return ticks(min(0.0, least) if is_near else least, most, about=5)
+        return ticks(min(0.0, least) if least < 0.4 * most else least, most, about=5)
 
 
 def ticks(least: float, most: float, *, about: int) -> list[float]:
