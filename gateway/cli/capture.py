@@ -9,18 +9,18 @@ packet-rtacser.c).
 from __future__ import annotations
 
 import argparse
+import asyncio
 import contextlib
 import json
 import shlex
-import socket
 import struct
 import sys
-import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, BinaryIO
+from typing import BinaryIO
 
 from gateway.app.capture_socket import FORMAT, socket_path
+from gateway.cli.command import counted
 from gateway.config import load
 from gateway.errors import CaptureError, UsageError
 
@@ -81,27 +81,43 @@ def run(args: argparse.Namespace) -> int:
         )
     config_path = Path(args.config)
     path = socket_path(load(config_path), config_path.parent)
-    end_s = None if args.seconds is None else time.monotonic() + args.seconds
-    with _connected(path) as connection:
-        messages = _messages(connection, end_s)
-        greeting = next(messages, {})
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_record(path, Path(args.file), args.seconds))
+    return 0
+
+
+async def _record(path: Path, target: Path, seconds: float | None) -> None:
+    """Write the frames of a running gateway to a file; None: until cancelled. CaptureError."""
+    try:
+        reader, writer = await asyncio.open_unix_connection(path)
+    except OSError as error:
+        hint = "is this gateway running, and are you its user?"
+        raise CaptureError(f"{path}: {error.strerror or error} ({hint})") from error
+    with contextlib.closing(writer):
+        greeting = json.loads(await reader.readline() or "{}")
         if greeting.get("capture") != FORMAT:
             raise CaptureError(f"{path}: the running gateway is of another version (restart it)")
-        lines = list(greeting["lines"])
-        numbers = {line: number for number, line in enumerate(lines)}
-        count = 0
-        with _opened(Path(args.file)) as file, contextlib.suppress(KeyboardInterrupt):
-            file.write(section(lines))
-            print(f"recording {', '.join(lines)}; Ctrl-C ends it", file=sys.stderr)
-            for frame in messages:
-                content = bytes.fromhex(frame["frame"])
-                file.write(packet(numbers[frame["line"]], frame["time_us"], frame["direction"], content))
-                file.flush()
-                count += 1
-    print(
-        f"{count} frames; look at them with: tshark -r {shlex.quote(args.file)} {READ_WITH}", file=sys.stderr
-    )
-    return 0
+        numbers = {line: number for number, line in enumerate(greeting["lines"])}
+        with _opened(target) as file:
+            file.write(section(numbers))
+            print(f"recording {', '.join(numbers)}; Ctrl-C ends it", file=sys.stderr)
+            count = 0
+            try:
+                async with asyncio.timeout(seconds):
+                    while True:
+                        frame = json.loads(await reader.readuntil())
+                        content = bytes.fromhex(frame["frame"])
+                        number, time_us = numbers[frame["line"]], frame["time_us"]
+                        file.write(packet(number, time_us, frame["direction"], content))
+                        file.flush()
+                        count += 1
+            except TimeoutError:  # as it was asked to
+                pass
+            except (EOFError, ConnectionError) as error:
+                raise CaptureError("the gateway has ended, or found this capture too slow") from error
+            finally:  # the file is whole, however the recording has ended
+                look = f"look at them with: tshark -r {shlex.quote(str(target))} {READ_WITH}"
+                print(f"{counted(count, 'frame')}; {look}", file=sys.stderr)
 
 
 def _opened(path: Path) -> BinaryIO:
@@ -110,35 +126,3 @@ def _opened(path: Path) -> BinaryIO:
         return path.open("wb")
     except OSError as error:
         raise CaptureError(f"{path}: {error.strerror} (choose another folder)") from error
-
-
-def _connected(path: Path) -> socket.socket:
-    """Return a connection to a running gateway's frames."""
-    connection = socket.socket(socket.AF_UNIX, socket.SOCK_STREAM)
-    try:
-        connection.connect(str(path))
-    except OSError as error:
-        connection.close()
-        hint = "is this gateway running, and are you its user?"
-        raise CaptureError(f"{path}: {error.strerror or error} ({hint})") from error
-    return connection
-
-
-def _messages(connection: socket.socket, end_s: float | None) -> Iterator[dict[str, Any]]:
-    """Yield the gateway's messages until the time is up; CaptureError when it ends before."""
-    received = b""
-    while True:
-        left_s = None if end_s is None else end_s - time.monotonic()
-        if left_s is not None and left_s <= 0:
-            return
-        connection.settimeout(left_s)
-        try:
-            chunk = connection.recv(65_536)
-        except TimeoutError:
-            return
-        except OSError:
-            chunk = b""
-        if not chunk:
-            raise CaptureError("the gateway has ended, or found this capture too slow")
-        *messages, received = (received + chunk).split(b"\n")
-        yield from map(json.loads, messages)

@@ -22,7 +22,6 @@ from gateway.starters.policy.freshness import EVERY_S as TOKEN_EVERY_S
 from gateway.starters.policy.policy import Policy, lock_restored
 from gateway.starters.policy.rights import Rights
 from gateway.starters.policy.start_rules import PolicySettings, RuleSet
-from gateway.starters.policy.write_budget import WRITES, WRITES_BORNE
 from gateway.starters.services.past_reader import serve
 from gateway.starters.setup import StarterSetup, ask, merged, polls_of
 from gateway.starters.starter import StarterTelemetry

@@ -116,7 +116,9 @@ async def test_a_gateway_that_ends_meanwhile_is_reported_and_the_file_stored(
         await asyncio.sleep(0)
 
     assert await capturing == 1
-    assert "the gateway has ended" in capsys.readouterr().err
+    errors = capsys.readouterr().err
+    assert "the gateway has ended" in errors
+    assert "1 frame; look at them with" in errors
     assert ASKED in (tmp_path / "line.pcapng").read_bytes()
     assert mode(path) is None  # nothing is left behind
 

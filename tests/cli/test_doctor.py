@@ -7,7 +7,6 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from pydantic import TypeAdapter
 
 from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.doctor.machine import (
@@ -17,12 +16,9 @@ from gateway.cli.doctor.machine import (
     state_dir_finding,
     sync_s,
     timers_finding,
-    wear_findings,
 )
 from gateway.cli.doctor.starters import telegrams_finding
 from gateway.families.devices.findings import Weight
-from gateway.starters import WRITES
-from gateway.store import STATE_FILE, write_document
 from tests.ordinary_user import give
 
 
@@ -102,24 +98,6 @@ def test_root_finds_files_that_are_not_those_of_the_folders_owner(tmp_path: Path
     os.chown(tmp_path / "state.sqlite", 0, 0)
 
     assert "state.sqlite in it may not be written" in state_dir_finding(tmp_path).text
-
-
-def test_how_often_each_memory_was_written_is_reported_and_is_a_problem_when_flash_could_be_worn(
-    tmp_path: Path,
-) -> None:
-    assert list(wear_findings(tmp_path)) == []
-
-    write_document(tmp_path / STATE_FILE, "writes", WRITES, {"pump": 10000, "fan": 12})
-
-    found = list(wear_findings(tmp_path))
-    assert [(finding.where, finding.weight) for finding in found] == [
-        ("starter fan", None),
-        ("starter pump", Weight.WARNING),
-    ]
-    assert "has written 12 times" in found[0].text
-
-    write_document(tmp_path / STATE_FILE, "writes", TypeAdapter(int), 7)  # damaged
-    assert [finding.weight for finding in wear_findings(tmp_path)] == [Weight.NOTE]
 
 
 def test_the_disk_is_measured_where_something_can_be_stored_and_nothing_stays(tmp_path: Path) -> None:

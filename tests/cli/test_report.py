@@ -19,7 +19,9 @@ from gateway.cli.report.html import to_html
 from gateway.cli.report.plots import Plot, PlotLine, ticks
 from gateway.cli.report.text import WIDTH, to_text
 from gateway.families import LANGUAGES
-from gateway.store import HistoryRow
+from gateway.starters import FINGERPRINTS, KNOWN
+from gateway.starters.identity.registry import Fingerprint, Known
+from gateway.store import STATE_FILE, HistoryRow, write_document
 from tests.history.year import STARTER, Year, lived, report_of, write
 from tests.rig import run_cli
 
@@ -103,7 +105,9 @@ def test_text_from_outside_is_escaped(year: Year, tmp_path: Path) -> None:
     rows = [row for row in year.rows if row.kind != "trip"]
     rows.append(replace_data(trip, code=EVIL, text=EVIL, time=EVIL, state_before=EVIL))
     path = asyncio.run(write(tmp_path, rows))
-    published = PublishedFacts({"cable": {"texts": [EVIL]}}, dict.fromkeys(("firmware", "serial"), EVIL), {})
+    known = {STARTER: Known(Fingerprint(firmware=EVIL, serial=EVIL))}
+    write_document(path.parent / "state" / STATE_FILE, FINGERPRINTS, KNOWN, known)
+    published = PublishedFacts({"cable": {"texts": [EVIL]}}, {})
 
     page = to_html(report_of(path, published=published), language="en")
 

@@ -9,11 +9,13 @@ from typing import Any
 
 import pytest
 
+from gateway.app.capacity import check_watchdogs
 from gateway.cli.command import Progress
 from gateway.cli.scan.scan import addresses_in, config_text, stable_name
 from gateway.cli.scan.search import Find, Search, SearchSettings, timings_in_order
 from gateway.config.reading import parse
 from gateway.families.devices.device import Identity
+from gateway.families.devices.findings import Watchdog
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.modbus.adu import decode
 from gateway.modbus.timing import Framing, LineTiming
@@ -98,17 +100,20 @@ def test_what_is_no_starter_is_reported_with_what_it_says(
     assert reason in found.identity.reason
 
 
-def find(family: str | None, address: int, framing: str = "8N2", **facts: Any) -> Find:
+def find(family: str | None, address: int, framing: str = "8N2", *watchdogs: Watchdog, **facts: Any) -> Find:
     profile = None if family is None else load_profile(family)
-    return Find(address, LineTiming(19200, Framing.parse(framing)), profile, Identity(**facts))
+    return Find(address, LineTiming(19200, Framing.parse(framing)), profile, Identity(**facts), watchdogs)
 
 
-def test_strangers_and_impossible_settings_are_left_out_with_the_reason() -> None:
-    finds = [find("ssw07", 1), find("sst", 2, "8E1"), find(None, 3, reason="a\nb\x1b[2J")]
+def test_strangers_and_what_this_line_cannot_have_are_left_out_with_the_reason() -> None:
+    tight = Watchdog("P314", 0.01, "stops the motor", is_felt=True)
+    finds = [find("ssw07", 1, "8N2", tight), find("sst", 2, "8E1"), find(None, 3, reason="a\nb\x1b[2J")]
 
     text = config_text('/dev/tty"x', finds)
 
-    assert [starter.address for starter in parse(text, "x").lines[0].starters] == [1]
+    (starter,) = parse(text, "x", check=check_watchdogs).lines[0].starters
+    assert (starter.address, starter.watchdog_s) == (1, None)
+    assert "# watchdog_s = 0.01 # P314: it stops the motor; this line is too slow for it\n" in text
     assert "# address 2 at 19200 8E1: Intecma SST (Intecma SST knows no framing 8E1)" in text
     assert "# address 3 at 19200 8N2: no known starter: a?b?[2J" in text
 

@@ -17,7 +17,7 @@ from gateway.config.reading import load, parse
 from gateway.errors import UsageError
 from gateway.families import FAMILIES
 from gateway.modbus.reads import ReadHoldingRegisters
-from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.modbus.writes import WriteRegister
 from gateway.mqtt.commands import Incoming
 from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.sim.factory import make_unit
@@ -46,19 +46,22 @@ def test_the_slot_of_the_configuration_is_the_accessorys() -> None:
     assert word(talk, 680) & 1
 
 
-def test_firmware_and_parameters_are_the_configurations() -> None:
+def test_firmware_parameters_motor_and_supply_are_the_configurations() -> None:
     talk = talk_to(
-        "ssw07", '[line.starter.simulated]\nfirmware = "1.30"\nparameters = { P630 = 30, P314 = 9 }'
+        "ssw07",
+        '[line.starter.simulated]\nfirmware = "1.30"\nparameters = { P630 = 30, P314 = 9 }\n'
+        "[line.starter.simulated.motor]\nload_pct = 50.0\nramp_up_s = 12.0\nfriction_pct = 10.0\n"
+        'wear_per_start_pct = 2.0\nthermal_pct = 40.0\nline_voltage_pct = 95.0\nlost_phase = "t"\n',
     )
+    motor = talk.unit.motor
 
-    assert (word(talk, 23), word(talk, 314)) == (130, 9)
-    talk.ask(WriteCoil(100, is_on=True))
-    talk.wait(10.0)
-    talk.ask(WriteCoil(100, is_on=False))
-    talk.wait(12.0)
-    talk.ask(WriteCoil(100, is_on=True))
-    assert word(talk, 6) == 11
-    assert not talk.unit.motor.is_turned_on
+    assert [word(talk, register) for register in (23, 630, 314)] == [130, 30, 9]
+    assert (motor.load_pct, motor.friction_pct, motor.thermal_pct) == pytest.approx(
+        (50.0, 10.0, 40.0), abs=0.1
+    )
+    assert (motor.data.ramp_up_s, motor.data.wear_per_start_pct) == pytest.approx((12.0, 2.0))
+    assert motor.line_voltage_pct == pytest.approx(95.0)
+    assert motor.lost_phase == 2
 
 
 def test_a_model_that_the_family_does_not_have_cannot_be_simulated() -> None:
@@ -80,22 +83,6 @@ async def test_a_real_port_is_warned_of_loudly_and_left_alone(capsys: pytest.Cap
 
     assert reported.startswith("WARNING: line pumps: /dev/null IS A REAL PORT and is not simulated")
     assert "moves REAL MOTORS" in reported
-
-
-def test_the_motor_of_a_simulated_starter_and_its_supply_are_as_configured() -> None:
-    talk = talk_to(
-        "ssw07",
-        "[line.starter.simulated.motor]\nload_pct = 50.0\nramp_up_s = 12.0\nfriction_pct = 10.0\n"
-        'wear_per_start_pct = 2.0\nthermal_pct = 40.0\nline_voltage_pct = 95.0\nlost_phase = "t"\n',
-    )
-    motor = talk.unit.motor
-
-    assert (motor.load_pct, motor.friction_pct, motor.thermal_pct) == pytest.approx(
-        (50.0, 10.0, 40.0), abs=0.1
-    )
-    assert (motor.data.ramp_up_s, motor.data.wear_per_start_pct) == pytest.approx((12.0, 2.0))
-    assert motor.line_voltage_pct == pytest.approx(95.0)
-    assert motor.lost_phase == 2
 
 
 def test_forty_points_of_all_families_are_in_the_demo_whose_line_has_time_for_them(

@@ -1,7 +1,8 @@
-"""The table of `watch`, drawn of records."""
+"""The table of `watch`, drawn of messages."""
 
 from __future__ import annotations
 
+import json
 from io import StringIO
 from typing import Any
 
@@ -10,73 +11,44 @@ from rich.console import Console
 
 from gateway.cli.watch.overview import Overview
 from gateway.cli.watch.table import render
-from gateway.contract import (
-    AlarmRecord,
-    AvailabilityRecord,
-    FreshRecord,
-    InfoRecord,
-    LockRecord,
-    Phase,
-    Quality,
-    Record,
-    ResultRecord,
-    StateRecord,
-    StatusRecord,
-    ValueRecord,
-)
+from gateway.contract import rfc3339
 
 BASE = "starters/plant"
 NOW_S = 1_700_000_000.0
-LOCK = LockRecord(by="alice", since_s=NOW_S, reason="bearing")
-STARTER = {
-    "starter": "pump",
-    "family": "ssw07",
-    "quality": Quality.GOOD,
-    "flags": {"remote": True},
-    "since_s": NOW_S,
+NOW = rfc3339(NOW_S)
+LOCK = {"by": "alice", "since": NOW, "reason": "bearing"}
+FIELDS = {  # of each kind of message, by the level that names it
+    "status": {"state": "online", "time": NOW, "boot": "1", "run": "1", "since": NOW, "reason": None},
+    "info": dict.fromkeys(("model", "firmware", "serial"))
+    | {"family": "ssw07", "line": "l", "address": 1, "points": {}, "commands": []},
+    "availability": {"since": NOW, "reason": None},
+    "state": {"quality": "good", "time": rfc3339(NOW_S - 20.0), "seq": 1, "remote": True},
+    "alarm": {"active": True, "severity": "alarm", "text": "", "time": NOW, "cleared": None}
+    | {"count": 1, "seq": 1},
+    "value": {"quality": "good", "time": NOW, "seq": 1},
+    "result": {"id": "1", "verb": "start", "code": "ok", "text": "", "time": NOW},
 }
-ALARM = {"is_active": True, "severity": "alarm", "points": {}}
-COMMAND = {"client": "alice", "verb": "start", "code": "ok", "values": {}, "commands": ()}
-KNOWN = {
-    **dict.fromkeys(("model", "firmware", "serial", "cleared_s")),
-    **dict.fromkeys(("reason", "text"), ""),
-    **dict.fromkeys(("seq", "count", "address"), 1),
-    **dict.fromkeys(("id", "run", "boot", "line"), "1"),
-    **STARTER,
-    **ALARM,
-    **COMMAND,
-}
+Said = tuple[str, dict[str, Any]]
 
 
-def made(kind: type[Record], time_s: float = NOW_S, **fields: Any) -> Record:
-    known = {**KNOWN, "time_s": time_s, **fields}
-    return kind(**{name: known[name] for name in kind.__dataclass_fields__ if name in known})
+def said(topic: str, **fields: Any) -> Said:
+    """Return a message of the gateway, of a starter, or a result, without the first level of its topic."""
+    kind = next(level for level in FIELDS if level in topic.split("/"))
+    root = {"status": "gateway", "result": ""}.get(kind, "starter")
+    return f"{root}/{topic}".lstrip("/"), {**FIELDS[kind], **fields}
 
 
-def state(word: str, **fields: Any) -> Record:
-    return made(StateRecord, NOW_S - 20.0, state=word, **fields)
+def take(found: Overview, message: Said, at_s: float = NOW_S, base: str = BASE) -> None:
+    found.take(f"{base}/{message[0]}", json.dumps(message[1]).encode(), at_s)
 
 
-def presence(word: str, **fields: Any) -> Record:
-    return made(AvailabilityRecord, state=word, **fields)
-
-
-def alarm(code: str, text: str, **fields: Any) -> Record:
-    return made(AlarmRecord, code=code, text=text, **fields)
-
-
-def result(phase: Phase, **fields: Any) -> Record:
-    return made(ResultRecord, phase=phase, **fields)
-
-
-def overview(*records: Record, live_at_s: float | None = NOW_S, ahead_s: float = 0.0) -> Overview:
+def overview(*messages: Said, live_at_s: float | None = NOW_S, ahead_s: float = 0.0) -> Overview:
     """Return the overview of a gateway that has published these; its token changed last at `live_at_s`."""
     found = Overview(BASE)
-    status = made(StatusRecord, state="online")
-    tokens = [] if live_at_s is None else [(live_at_s - 1.0, "a"), (live_at_s, "b")]
-    fresh = [(at_s, FreshRecord(token=token, time_s=at_s + ahead_s)) for at_s, token in tokens]
-    for at_s, record in [*((NOW_S, record) for record in (status, *records)), *fresh]:
-        found.take(f"{BASE}/{record.topic}", record.payload(), at_s)
+    for message in (said("status"), *messages):
+        take(found, message)
+    for at_s, token in [] if live_at_s is None else [(live_at_s - 1.0, "a"), (live_at_s, "b")]:
+        take(found, ("gateway/fresh", {"token": token, "time": rfc3339(at_s + ahead_s)}), at_s)
     return found
 
 
@@ -87,63 +59,63 @@ def drawn(found: Overview, now_s: float = NOW_S, width: int = 80) -> str:
     return console.file.getvalue()
 
 
-CURRENT = made(ValueRecord, point="current", value=61.5, unit="A")
-TITLED = made(InfoRecord, title="Raw pump")
-PUMP = (state("running"), CURRENT, made(ValueRecord, point="current_pct", value=72.0, unit="%"))
+TITLED = said("pump/info", title="Raw pump")
+LOAD = {"value": 72.0, "unit": "%"}
+RUNNING = said("pump/state", state="running")
+PUMP = (RUNNING, said("pump/value/current", value=61.5, unit="A"), said("pump/value/current_pct", **LOAD))
+CONFIRMED = said("result/pump/alice", phase="confirmed")
+REJECTED = said("result/pump/alice", phase="rejected", code="locked")
+OVERLOAD = said("pump/alarm/e05", text="Motor overload", severity="fault")
 
 
 @pytest.mark.parametrize(
-    ("records", "line"),
+    ("messages", "line"),
     [
         (PUMP, "pump running 61.5 A 72 % now"),
         ([*PUMP, TITLED], "Raw pump running 61.5 A 72 % now"),
-        ([*PUMP, result(Phase.CONFIRMED)], "pump running 61.5 A 72 % now alice start: confirmed"),
+        ([*PUMP, CONFIRMED], "pump running 61.5 A 72 % now alice start: confirmed"),
         (
-            [
-                *PUMP,
-                result(Phase.REJECTED, code="locked"),
-                result(Phase.CONFIRMED, is_duplicate=True),
-            ],
+            [*PUMP, REJECTED, said("result/pump/alice", phase="confirmed", duplicate=True)],
             "pump running 61.5 A 72 % now alice start: rejected (locked)",
         ),
-        ([*PUMP, alarm("a05", "Motor warm")], "S pump running 61.5 A 72 % now A05 Motor warm"),
-        ([*PUMP, alarm("a05", "", is_active=False)], "pump running 61.5 A 72 % now"),
+        ([*PUMP, said("pump/alarm/a05", text="Motor warm")], "S pump running 61.5 A 72 % now A05 Motor warm"),
+        ([*PUMP, said("pump/alarm/a05", active=False)], "pump running 61.5 A 72 % now"),
+        ([said("pump/state", state="fault"), OVERLOAD], "F pump fault now E05 Motor overload"),
+        ([said("pump/state", state="not_ready", power_present=False)], "pump not ready now no power"),
+        ([said("pump/state", state="not_ready")], "pump not ready now pausing or being adjusted"),
+        ([said("pump/state", state="ready", remote=False)], "C pump ready now local"),
+        ([said("pump/state", state="ready", locked=LOCK)], "C pump ready now locked by alice: bearing"),
+        ([said("pump/state", state="running", quality="stale")], "S pump running? 20 s"),
         (
-            [state("fault"), alarm("e05", "Motor overload", severity="fault")],
-            "F pump fault now E05 Motor overload",
-        ),
-        (
-            [state("not_ready", flags={"remote": True, "power_present": False})],
-            "pump not ready now no power",
-        ),
-        ([state("not_ready")], "pump not ready now pausing or being adjusted"),
-        ([state("ready", flags={"remote": False})], "C pump ready now local"),
-        ([state("ready", lock=LOCK)], "C pump ready now locked by alice: bearing"),
-        ([state("running", quality=Quality.STALE)], "S pump running? 20 s"),
-        (
-            [state("unknown", quality=Quality.STALE), presence("offline", reason="no reply")],
+            [
+                said("pump/state", state="unknown", quality="stale"),
+                said("pump/availability", state="offline", reason="no reply"),
+            ],
             "F pump unknown? 20 s offline: no reply",
         ),
-        ([presence("disabled")], "C pump unknown? never disabled"),
+        ([said("pump/availability", state="disabled")], "C pump unknown? never disabled"),
     ],
 )
-def test_a_starter_is_one_line_at_80_columns(records: Any, line: str) -> None:
-    found = overview(*records)
+def test_a_starter_is_one_line_at_80_columns(messages: Any, line: str) -> None:
+    found = overview(*messages)
 
     assert [" ".join(each.split()) for each in drawn(found).splitlines() if "pump" in each] == [line]
 
 
-def test_a_long_reason_stands_on_lines_of_its_own_and_is_not_cut() -> None:
+def test_a_long_reason_stands_on_lines_of_its_own_and_a_long_title_is_cut() -> None:
     reason = "the starter answers as another family than the one that is configured"
-    found = overview(state("not_ready", reason=reason), result(Phase.CONFIRMED))
+    title = "Raw water pump of the northern works, beside the old boiler"
+    fan = said("fan/state", state="not_ready", reason=reason)
+    found = overview(*PUMP, said("pump/info", title=title), fan, said("result/fan/alice", phase="confirmed"))
 
     lines = drawn(found).splitlines()
 
     assert max(map(len, lines)) <= 80
-    at = next(number for number, line in enumerate(lines) if "pump" in line)
-    assert lines[at].split() == ["pump", "not", "ready", "now"]
-    said = " ".join(" ".join(lines[at + 1 :]).split())
-    assert said == f"{reason}; pausing or being adjusted; alice start: confirmed"
+    assert [line for line in lines if "Raw water pump" in line and "61.5 A 72 %" in line and "\u2026" in line]
+    at = next(number for number, line in enumerate(lines) if "fan" in line)
+    assert lines[at].split() == ["fan", "not", "ready", "now"]
+    text = " ".join(" ".join(lines[at + 1 :]).split())
+    assert text == f"{reason}; pausing or being adjusted; alice start: confirmed"
 
 
 def test_a_gateway_without_a_new_token_for_three_seconds_is_not_live_and_ages_count_by_its_clock() -> None:
@@ -159,12 +131,12 @@ def test_a_gateway_without_a_new_token_for_three_seconds_is_not_live_and_ages_co
 def test_starters_that_somebody_must_look_at_come_first_then_those_that_move() -> None:
     found = overview(
         *(
-            state(word, starter=name)
+            said(f"{name}/state", state=word)
             for name, word in (("a", "ready"), ("b", "running"), ("c", "fault"), ("d", "ready"))
         ),
-        state("ready", starter="e", lock=LOCK),
-        state("running", starter="f", quality=Quality.STALE),
-        presence("offline", starter="d", reason="silent"),
+        said("e/state", state="ready", locked=LOCK),
+        said("f/state", state="running", quality="stale"),
+        said("d/availability", state="offline", reason="silent"),
     )
 
     assert [row.name for row in found.rows()] == ["c", "d", "e", "f", "b", "a"]
@@ -172,7 +144,7 @@ def test_starters_that_somebody_must_look_at_come_first_then_those_that_move() -
 
 
 def test_an_alarm_and_a_starter_that_the_gateway_has_had_forgotten_are_gone() -> None:
-    found = overview(*PUMP, alarm("e05", "Motor overload", severity="fault"))
+    found = overview(*PUMP, OVERLOAD)
     assert "E05" in drawn(found)
 
     found.take(f"{BASE}/starter/pump/alarm/e05", b"", NOW_S)
@@ -194,7 +166,7 @@ def test_an_alarm_and_a_starter_that_the_gateway_has_had_forgotten_are_gone() ->
     ],
 )
 def test_foreign_messages_change_neither_table_nor_terminal(payload: bytes) -> None:
-    found = overview(state("ready", reason="\x1b[2J"))
+    found = overview(said("pump/state", state="ready", reason="\x1b[2J"))
     for topic in ("gateway/status", "gateway/fresh", "starter/pump/value/current", "starter/fan/state", "x"):
         found.take(f"{BASE}/{topic}", payload, NOW_S)
 
@@ -202,31 +174,16 @@ def test_foreign_messages_change_neither_table_nor_terminal(payload: bytes) -> N
     assert "\x1b" not in drawn(found)
 
 
-def test_a_long_title_is_cut_so_that_each_starter_keeps_one_line() -> None:
-    long = made(InfoRecord, title="Raw water pump of the northern works, beside the old boiler")
-    load = made(ValueRecord, point="current_pct", value=72.0, unit="%", starter="fan")
-    found = overview(*PUMP, long, state("not_ready", starter="fan"), load)
-
-    lines = drawn(found).splitlines()
-    assert [line for line in lines if "Raw water pump" in line and "61.5 A 72 %" in line and "\u2026" in line]
-    assert len(lines) == 5  # the fan has a text of its own below it
-
-
 def test_one_table_has_the_gateways_of_a_plant_but_those_that_are_not_there() -> None:
-    found = Overview("starters/+")
-    ready, offline = state("ready"), made(StatusRecord, state="offline")
-    for name, record, payload in (
-        ("none", offline, b""),
-        ("foreign", offline, b"{"),
-        ("gone", offline, offline.payload()),
-        ("gone", offline, b""),
-    ):
-        found.take(f"starters/{name}/{record.topic}", payload, NOW_S)
+    found, offline = Overview("starters/+"), said("status", state="offline")
+    found.take("starters/none/gateway/status", b"", NOW_S)
+    found.take("starters/foreign/gateway/status", b"{", NOW_S)
+    take(found, offline, base="starters/gone")
+    found.take("starters/gone/gateway/status", b"", NOW_S)
     assert "no gateway has published" in drawn(found)
 
-    for name in ("north", "south"):
-        found.take(f"starters/{name}/{ready.topic}", ready.payload(), NOW_S)
-    found.take(f"starters/west/{offline.topic}", offline.payload(), NOW_S)
+    for name, message in (("north", RUNNING), ("south", RUNNING), ("west", offline)):
+        take(found, message, base=f"starters/{name}")
 
     text = drawn(found)
     assert [text.count(f"starters/{name} pump") for name in ("north", "south")] == [1, 1]

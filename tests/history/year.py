@@ -66,7 +66,7 @@ STATISTICS = {  # of its line, at the end
         "starters": {STARTER: {"error_rate": 0.0187, "silent_rate": 0.0051, "late_rate": 0.0}},
     },
 }
-PUBLISHED = PublishedFacts(STATISTICS, {"firmware": "1.60", "rated_current_a": 200}, {"hours_total": 6012.0})
+PUBLISHED = PublishedFacts(STATISTICS, {"hours_total": 6012.0})
 
 
 class YearClock(Clock):

@@ -90,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def guide(config: Path, pty: str, broker: DemoBroker, *, page: str) -> str:
+def guide(config: Path, pty: Path, broker: DemoBroker, *, page: str) -> str:
     """Return what can be done with the demo, as lines to paste; without Mosquitto's clients in Python."""
     python, script = shlex.quote(sys.executable), Path(sys.executable).with_name("starter-gateway")
     program = shlex.quote(str(script)) if script.exists() else f"{python} -m gateway"
@@ -126,9 +126,10 @@ async def _demo(folder: Path, *, has_table: bool, has_plant: bool) -> None:
         text = CONFIG.read_text("utf-8").format(folder=folder, port=broker.port, version=broker.version)
         path.write_text(text + table, "utf-8")
         site = Site.read(path, os.environ)
+        port = Path(site.config.lines[0].port)
         async with waited_for("the simulated starters"):
-            await stack.enter_async_context(demo_simulator(path, broker_port=broker.port))
-        print(guide(path, site.config.lines[0].port, broker, page=page), flush=True)
+            await stack.enter_async_context(demo_simulator(path, port=port, broker_port=broker.port))
+        print(guide(path, port, broker, page=page), flush=True)
         if has_plant:
             _beside(stack, run_plant(broker.port))
         if has_table:

@@ -11,7 +11,7 @@ import socket
 import sys
 import uuid
 from asyncio.subprocess import DEVNULL, PIPE, Process
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -20,7 +20,7 @@ from gateway.errors import BrokerError, PortError
 from gateway.mqtt import BrokerSettings, Version
 
 PORT = 1883
-_START_TIMEOUT_S = 20.0
+_LOOKS, _LOOK_S = 200, 0.1  # for what a process makes as it starts
 
 
 class DemoBroker(NamedTuple):
@@ -38,22 +38,22 @@ async def demo_broker(folder: Path) -> AsyncIterator[DemoBroker]:
     broker, command = _broker_command(folder, port)
     with (folder / "broker.log").open("wb") as log:
         async with _process(*command, stdin=DEVNULL, stdout=log, stderr=log) as process:
-            if not await _has_begun(process, port):
+            if not await _has_begun(process, lambda: _listens(port)):
                 log_text = (folder / "broker.log").read_text(errors="replace").strip()
                 raise BrokerError(f"the demo's broker does not start: {log_text[-200:] or 'no message'}")
             yield broker
 
 
 @asynccontextmanager
-async def demo_simulator(config: Path, *, broker_port: int) -> AsyncIterator[None]:
-    """Run the simulated starters of a configuration, their knobs at a broker on loopback.
+async def demo_simulator(config: Path, *, port: Path, broker_port: int) -> AsyncIterator[None]:
+    """Run the simulated starters of a configuration on its port, their knobs at a broker on loopback.
 
     PortError when the line does not come. They end with their stdin, so also when this process is killed.
     """
     knobs = ("--knobs", f"mqtt://127.0.0.1:{broker_port}")
     command = (sys.executable, "-m", "gateway", "simulate", str(config), *knobs, "--companion")
-    async with _process(*command, stdin=PIPE, stdout=PIPE) as process:
-        if not await _is_ready(process):
+    async with _process(*command, stdin=PIPE, stdout=DEVNULL) as process:
+        if not await _has_begun(process, port.exists):
             raise PortError("of the demo", "the simulated starters do not start", "see their output above")
         yield
 
@@ -113,27 +113,19 @@ async def waited_for(what: str) -> AsyncIterator[None]:
         saying.cancel()
 
 
-async def _has_begun(broker: Process, port: int) -> bool:
-    """Return whether a broker listens, in time and before it ends."""
-    with suppress(TimeoutError):
-        async with asyncio.timeout(_START_TIMEOUT_S):
-            while broker.returncode is None:
-                with suppress(ConnectionError):
-                    (await asyncio.open_connection("127.0.0.1", port))[1].close()
-                    return True
-                await asyncio.sleep(0.1)
-    return False
+def _listens(port: int) -> bool:
+    """Return whether a program on this machine takes connections there."""
+    with socket.socket() as probe:
+        return probe.connect_ex(("127.0.0.1", port)) == 0
 
 
-async def _is_ready(simulator: Process) -> bool:
-    """Return whether the simulated starters have come, which their last line says."""
-    assert simulator.stdout is not None
-    with suppress(TimeoutError):
-        async with asyncio.timeout(_START_TIMEOUT_S):
-            while line := await simulator.stdout.readline():
-                if line.startswith(b"knobs:"):
-                    return True
-    return False
+async def _has_begun(process: Process, is_there: Callable[[], bool]) -> bool:
+    """Return whether what a process makes is there, in time and before the process ends."""
+    for _ in range(_LOOKS):
+        if process.returncode is not None or is_there():
+            break
+        await asyncio.sleep(_LOOK_S)
+    return process.returncode is None and is_there()
 
 
 @asynccontextmanager

@@ -7,8 +7,7 @@ import asyncio
 import signal
 import sys
 import uuid
-from collections.abc import AsyncIterator, Mapping
-from contextlib import AsyncExitStack, asynccontextmanager
+from contextlib import AsyncExitStack
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -52,51 +51,43 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-@asynccontextmanager
-async def simulated_lines(config: Config) -> AsyncIterator[dict[str, PtyLine]]:
-    """Serve every line of a configuration on a pty; by name. PortError when a port's link cannot be made."""
-    async with AsyncExitStack() as stack:
-        lines: dict[str, PtyLine] = {}
-        for table in config.lines:
-            units = [simulated_unit(starter) for starter in table.starters if starter.enabled]
-            bus = Bus(timing_of(table), units, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
-            line = PtyLine(bus, link=_link(table))
-            await line.start()
-            stack.push_async_callback(line.stop)
-            lines[table.name] = line
-        yield lines
-
-
 async def simulate(config: Config, *, knobs_at: str | None = None, is_companion: bool = False) -> None:
-    """Simulate until SIGTERM or SIGINT, or as a companion until stdin ends."""
+    """Serve every line on a pty until SIGTERM or SIGINT, or as a companion until stdin ends.
+
+    PortError when the link of a port cannot be made.
+    """
     ending = asyncio.Event()
     loop = asyncio.get_running_loop()
     for number in (signal.SIGTERM, signal.SIGINT):
         loop.add_signal_handler(number, ending.set)
     if is_companion:
         loop.add_reader(sys.stdin, ending.set)
-    async with simulated_lines(config) as lines, AsyncExitStack() as stack:
+    units: dict[str, SimulatedUnit] = {}
+    async with AsyncExitStack() as stack:
         for table in config.lines:
-            units = ", ".join(f"{each.name} ({each.family} at {each.address})" for each in table.starters)
+            on_line = {each.name: simulated_unit(each) for each in table.starters if each.enabled}
+            bus = Bus(
+                timing_of(table),
+                [*on_line.values()],
+                name=table.name,
+                chunk_bytes=None,
+                tolerance_s=TOLERANCE_S,
+            )
             link = _link(table)
+            line = PtyLine(bus, link=link)
+            await line.start()
+            stack.push_async_callback(line.stop)
+            units |= on_line
             if link is None:
-                print(_beside_a_real_port(table, lines[table.name].path), file=sys.stderr, flush=True)
-            way = f"{link} -> {lines[table.name].path}" if link is not None else lines[table.name].path
-            print(f"line {table.name}: {way}, {table.baud} {table.framing}: {units}", flush=True)
+                print(_beside_a_real_port(table, line.path), file=sys.stderr, flush=True)
+            way = line.path if link is None else f"{link} -> {line.path}"
+            there = ", ".join(f"{each.name} ({each.family} at {each.address})" for each in table.starters)
+            print(f"line {table.name}: {way}, {table.baud} {table.framing}: {there}", flush=True)
         if knobs_at is not None:
             broker = broker_at(knobs_at, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
-            await stack.enter_async_context(simulator_topics(_by_name(config, lines), broker))
+            await stack.enter_async_context(simulator_topics(units, broker))
             print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         await ending.wait()
-
-
-def _by_name(config: Config, lines: Mapping[str, PtyLine]) -> dict[str, SimulatedUnit]:
-    return {
-        starter.name: lines[table.name].line.unit(starter.address)
-        for table in config.lines
-        for starter in table.starters
-        if starter.enabled
-    }
 
 
 def simulated_unit(starter: StarterTable) -> SimulatedUnit:

@@ -50,7 +50,7 @@ async def _examine(
     state_dir = folder / config.gateway.state_dir
     findings.add(machine.clock_finding(), machine.dated_finding(config), machine.state_dir_finding(state_dir))
     findings.add(machine.timers_finding(*await machine.lateness_s()))
-    findings.add(machine.disk_finding(machine.sync_s(state_dir)), *machine.wear_findings(state_dir))
+    findings.add(machine.disk_finding(machine.sync_s(state_dir)))
     settings = await _broker(config, folder, login, findings)
     for prospect in prospects_of(config):
         table = prospect.table

@@ -8,14 +8,13 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import suppress
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 
-from gateway.cli.command import counted
 from gateway.cli.doctor.findings import Finding
 from gateway.config import Config
-from gateway.errors import StoreError
 from gateway.families import Weight
-from gateway.starters import BY_ISSUED_AT, WRITES, WRITES_BORNE, dated_alone
-from gateway.store import INTEND_WITHIN_S, STATE_FILE, backup, read_document
+from gateway.starters import BY_ISSUED_AT, dated_alone
+from gateway.store import INTEND_WITHIN_S, backup
 from gateway.system.clock import ClockWatch, is_kernel_clock_synchronised, kernel_says_synchronised
 
 SYSFS_TTY = Path("/sys/class/tty")
@@ -57,20 +56,6 @@ def dated_finding(config: Config) -> Finding | None:
     if not clients or doubt is None:
         return None
     return Finding(f"operator {', '.join(clients)}", dated_alone(doubt).text, Weight.WARNING)
-
-
-def wear_findings(folder: Path) -> Iterator[Finding]:
-    """Yield how often the gateway of this state directory has written to each starter's memory."""
-    try:
-        writes = read_document(folder / STATE_FILE, "writes", WRITES) or {}
-    except StoreError as error:
-        yield Finding("state_dir", str(error), Weight.NOTE)
-        return
-    for starter, count in sorted(writes.items()):
-        what = f"this gateway has written {counted(count, 'time')} to its non-volatile memory"
-        remedy = f"flash is usually made for {WRITES_BORNE}: find the program that repeats the same setting"
-        trouble = (Weight.WARNING, remedy) if count >= WRITES_BORNE else ()
-        yield Finding(f"starter {starter}", what, *trouble)
 
 
 def state_dir_finding(folder: Path) -> Finding:
@@ -136,17 +121,14 @@ def disk_finding(sync_s: float | None) -> Finding | None:
 
 def sync_s(state_dir: Path) -> float | None:
     """Return the longest of some writes that wait for the disk, as the store's do; None: not possible."""
-    path = state_dir / "doctor.probe"
-    longest_s = 0.0
-    with suppress(OSError):
-        try:
-            with path.open("wb", buffering=0) as file:
-                for _ in range(SYNCS):
-                    begun_s = time.perf_counter()
-                    file.write(bytes(SYNC_BYTES))
-                    os.fsync(file.fileno())
-                    longest_s = max(longest_s, time.perf_counter() - begun_s)
-        finally:
-            path.unlink()
-        return longest_s
-    return None
+    took_s = []
+    try:
+        with NamedTemporaryFile(dir=state_dir, prefix="doctor.", buffering=0) as file:
+            for _ in range(SYNCS):
+                begun_s = time.perf_counter()
+                file.write(bytes(SYNC_BYTES))
+                os.fsync(file.fileno())
+                took_s.append(time.perf_counter() - begun_s)
+    except OSError:
+        return None
+    return max(took_s)

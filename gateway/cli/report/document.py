@@ -122,13 +122,13 @@ def _warnings(facts: MotorFacts, t: Translate) -> Iterator[str]:
 def _identity(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
     """Yield the identity of the starter: as it is configured, else as it has said."""
     line, starter, said = facts.line, facts.starter, facts.identity
-    rated_a = said.get("rated_current_a") or next((s.rated_a for s in facts.starts[::-1] if s.rated_a), None)
+    of_motor = (f"{start.rated_a:g} A" for start in reversed(facts.starts) if start.rated_a)
     fields = {
         "family": starter.family.upper(),
         "model": starter.model or said.get("model"),
         "firmware": said.get("firmware"),
         "serial number": said.get("serial"),
-        "rated current": rated_a and f"{rated_a:g} A",
+        "rated current": next(of_motor, said.get("rated_current")),
         "line": f"{line.name} ({line.port}, {line.baud} {line.framing})",
         "address": starter.address,
     }
@@ -257,7 +257,6 @@ def _trends(facts: MotorFacts, t: Translate) -> Iterator[Plot]:
             [month.month[2:] for month in months],
             width=180.0,
             height=96.0,
-            from_zero=False,
         )
 
 

@@ -41,7 +41,6 @@ class PublishedFacts(NamedTuple):
     """The newest records of a gateway; empty where they could not be had."""
 
     statistics: Json  # of the line
-    info: Json
     values: Mapping[str, float]  # by point
 
 
@@ -94,8 +93,6 @@ def facts_of(
     with suppress(StoreError):
         known = (read_document(state, FINGERPRINTS, KNOWN) or {}).get(starter.name)
         facts.identity = {} if known is None else known.fingerprint.as_data()
-    said = {name: value for name, value in published.info.items() if value is not None}
-    facts.identity = {**facts.identity, **said}
     return facts
 
 

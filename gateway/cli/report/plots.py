@@ -25,14 +25,13 @@ class PlotLine(NamedTuple):
 
 
 class Plot(NamedTuple):
-    """Curves over one pair of axes; 0 is on the y axis where it is near or `from_zero` says so."""
+    """Curves over one pair of axes; 0 is on the y axis where it is near."""
 
     label: str  # of the y axis, and of x where it has numbers
     curves: Sequence[PlotLine]
     names: Sequence[str] = ()  # of x = 0, 1 ... in place of numbers
     width: float = 560.0
     height: float = 142.0
-    from_zero: bool = True
 
     def svg(self) -> str:
         """Return the plot as an element."""
@@ -55,10 +54,10 @@ class Plot(NamedTuple):
         for y in y_ticks:
             height = at((x_ticks[0], y))[1]
             yield f'<path class="grid" d="M{left:g} {height:.4g}H{right:g}"/>'
-            yield _text((left - 5, height + 3.2), _tick(y, y_ticks), "end")
+            yield _text((left - 5, height + 3.2), f"{y:g}", "end")
         step = ceil(len(self.names) * NAME_WIDTH / (right - left))
-        names = [(x, _tick(x, x_ticks)) for x in x_ticks] if not self.names else []
-        for x, name in names or list(enumerate(self.names))[::step]:
+        names = list(enumerate(self.names))[::step] if self.names else [(x, f"{x:g}") for x in x_ticks]
+        for x, name in names:
             yield _text((at((x, 0.0))[0], bottom + 12), name, "middle")
         yield _text((2.0, 8.0), self.label, "start")
         for curve in self.curves:
@@ -73,8 +72,7 @@ class Plot(NamedTuple):
 
     def _y_ticks(self, ys: Sequence[float]) -> list[float]:
         least, most = min(ys, default=0.0), max(ys, default=1.0)
-        is_near = self.from_zero or least < 0.4 * most
-        return ticks(min(0.0, least) if is_near else least, most, about=5)
+        return ticks(min(0.0, least) if least < 0.4 * most else least, most, about=5)
 
 
 def ticks(least: float, most: float, *, about: int) -> list[float]:
@@ -84,13 +82,6 @@ def ticks(least: float, most: float, *, about: int) -> list[float]:
     step = next(factor * power for factor in (1, 2, 2.5, 5, 10) if factor * power >= rough * 0.999)
     first, last = int((least / step + 1e-9) // 1), ceil(most / step - 1e-9)
     return [number * step for number in range(first, max(last, first + 1) + 1)]
-
-
-def _tick(value: float, among: Sequence[float]) -> str:
-    """Return a number of an axis with as many digits as its step needs."""
-    step = among[1] - among[0]
-    digits = next((digits for digits in range(9) if abs(round(step, digits) - step) < step / 100), 9)
-    return f"{value:.{digits}f}"
 
 
 def _text(at: Point, text: str, anchor: str) -> str:

@@ -19,7 +19,7 @@ from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.cli.report.html import to_html
 from gateway.cli.report.text import to_text
 from gateway.config import load
-from gateway.contract import InfoRecord, LineRecord, Record, Topics, ValueRecord
+from gateway.contract import LineRecord, Record, Topics, ValueRecord
 from gateway.errors import GatewayError
 from gateway.families import LANGUAGES
 from gateway.mqtt import BrokerSettings, CommandClient
@@ -49,7 +49,7 @@ def run(args: argparse.Namespace) -> int:
     line, starter = place_of(config, args.starter)
     language = args.language or config.gateway.language
     state_dir, profile = folder / config.gateway.state_dir, starter.profile(language)
-    published, why = PublishedFacts({}, {}, {}), "the broker was not asked"
+    published, why = PublishedFacts({}, {}), "the broker was not asked"
     if not args.no_broker:
         try:
             settings = settings_of(config, folder, tool="report", login=args)
@@ -77,9 +77,7 @@ async def _published(settings: BrokerSettings, topics: Topics, *, line: str, sta
     async def asked(kind: type[R], **names: str) -> R | None:
         return await CommandClient(settings, topics).retained(kind, within_s=WITHIN_S, **names)
 
-    statistics, info = await asked(LineRecord, line=line), await asked(InfoRecord, starter=starter)
+    statistics = await asked(LineRecord, line=line)
     counters = [await asked(ValueRecord, starter=starter, point=point) for point in COUNTERS]
     values = {c.point: c.value for c in counters if c is not None and isinstance(c.value, int | float)}
-    return PublishedFacts(
-        {} if statistics is None else statistics.data, {} if info is None else info.fields(), values
-    )
+    return PublishedFacts({} if statistics is None else statistics.data, values)

@@ -159,15 +159,15 @@ def config_text(port: str, found: Sequence[Find]) -> str:
     usable = [find for find in found if find.profile is not None and not find.why_not]
     if not usable:
         return ""
-    text = _text(port, usable[0].timing, found, with_watchdogs=True)
+    text = _text(port, usable[0].timing, found)
     try:
         parse(text, "scan", check=check_watchdogs)
     except ConfigError:  # a watchdog that this line cannot keep: say so, but do not demand it
-        text = _text(port, usable[0].timing, found, with_watchdogs=False)
+        text = re.sub(r"(?m)^watchdog_s.*", r"# \g<0>; this line is too slow for it", text)
     return text
 
 
-def _text(port: str, timing: LineTiming, found: Sequence[Find], *, with_watchdogs: bool) -> str:
+def _text(port: str, timing: LineTiming, found: Sequence[Find]) -> str:
     """Return a line of the starters at this timing; the other finds are comments at its end."""
     parts, others = [_HEAD.format(port=json.dumps(port), baud=timing.baud, framing=timing.framing)], []
     for find in sorted(found, key=lambda find: find.address):
@@ -180,7 +180,6 @@ def _text(port: str, timing: LineTiming, found: Sequence[Find], *, with_watchdog
         parts += [f"[[line.starter]] # {find.described}", f'name = "{family}-{find.address}"']
         parts += [f"address = {find.address}", f'family = "{family}"']
         for first in find.watchdogs[:1]:
-            key = f"watchdog_s = {first.after_s} # {first.code}: it {first.does}"
-            parts.append(key if with_watchdogs else f"# {key}; this line is too slow for it")
+            parts.append(f"watchdog_s = {first.after_s} # {first.code}: it {first.does}")
         parts.append("")
     return "\n".join([*parts, *others])

@@ -10,8 +10,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import dataclass, field
-from typing import TypeVar
+from typing import NamedTuple, TypeVar
 
 from gateway.cli.command import coded
 from gateway.contract import (
@@ -63,30 +62,53 @@ def filters() -> Iterator[str]:
         yield from (re.sub(r"{\w+}", "+", kind.TOPIC.replace("{point}", point)) for point in points)
 
 
-@dataclass(slots=True)
-class GatewayLine:
-    """A gateway with its starters, and the difference of its clock to ours."""
+class GatewayRecords:
+    """The newest records of one gateway, and the difference of its clock to ours."""
 
-    name: str
-    status: StatusRecord | None = None
-    token: str = ""
-    live_at_s: float | None = None  # when the token last changed; None: not yet seen to change
-    ahead_s: float = 0.0  # of the wall time that the caller gives
-    starters: dict[str, StarterRow] = field(default_factory=dict)
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.live_at_s: float | None = None  # when its token last changed; None: not yet seen to change
+        self.ahead_s = 0.0  # of the wall time that the caller gives
+        self._records: dict[str, Record] = {}  # by topic below the base, the newest last
+
+    @property
+    def status(self) -> StatusRecord | None:
+        """The gateway's own state."""
+        status = self._records.get(StatusRecord.TOPIC)
+        return status if isinstance(status, StatusRecord) else None
+
+    def put(self, topic: str, record: Record | None, now_s: float) -> None:
+        """Take a record; None: the gateway has had the broker forget it."""
+        if isinstance(record, ResultRecord) and record.is_duplicate:
+            return
+        before = self._records.pop(topic, None)
+        # The first token may have been retained for days: only one that follows it proves anything.
+        if isinstance(record, FreshRecord) and before not in (None, record):
+            self.live_at_s, self.ahead_s = now_s, record.time_s - now_s
+        if record is not None:
+            self._records[topic] = record
 
     def is_live(self, now_s: float) -> bool:
         """Return whether it has shown a new token lately, and has not ended."""
         is_recent = self.live_at_s is not None and now_s - self.live_at_s <= LIVE_WITHIN_S
         return is_recent and self.status is not None and self.status.state != "offline"
 
+    def rows(self) -> Iterator[StarterRow]:
+        """Yield its starters: of each there is a state, or at least whether it can be reached."""
+        found: dict[str, list[Record]] = {}
+        for record in self._records.values():
+            found.setdefault(getattr(record, "starter", ""), []).append(record)
+        for name, records in found.items():
+            if any(isinstance(record, StateRecord | AvailabilityRecord) for record in records):
+                yield StarterRow(self, name, records)
 
-@dataclass(slots=True)
-class StarterRow:
+
+class StarterRow(NamedTuple):
     """One starter as last published."""
 
-    gateway: GatewayLine
+    gateway: GatewayRecords
     name: str
-    records: dict[str, Record] = field(default_factory=dict)  # by topic, the newest last
+    records: Sequence[Record]  # the newest last
 
     @property
     def state(self) -> StateRecord:
@@ -151,7 +173,7 @@ class StarterRow:
         return max(now_s + self.gateway.ahead_s - max(times), 0.0) if times else None
 
     def _all(self, kind: type[R]) -> Iterator[R]:
-        return (record for record in self.records.values() if isinstance(record, kind))
+        return (record for record in self.records if isinstance(record, kind))
 
 
 class Overview:
@@ -161,7 +183,7 @@ class Overview:
     """
 
     def __init__(self, base: str) -> None:
-        self.gateways: dict[str, GatewayLine] = {}
+        self._gateways: dict[str, GatewayRecords] = {}
         self._depth = base.count("/") + 1
 
     def take(self, topic: str, payload: bytes, now_s: float) -> None:
@@ -172,10 +194,12 @@ class Overview:
             if names := pattern.fullmatch(rest):
                 with suppress(ValueError):  # somebody else publishes below this base
                     record = read_record(kind, payload, **names.groupdict()) if payload else None
-                    gateway = self.gateways.setdefault(base, GatewayLine(base))
-                    self._put(gateway, rest, names.groupdict().get("starter", ""), record, now_s)
-                    if gateway.status is None and not gateway.starters:
-                        del self.gateways[base]  # no gateway is there, or it has had itself forgotten
+                    self._gateways.setdefault(base, GatewayRecords(base)).put(rest, record, now_s)
+
+    def gateways(self) -> Sequence[GatewayRecords]:
+        """Return the gateways by name, without those that have had themselves forgotten."""
+        known = sorted(self._gateways.items())
+        return [gateway for _, gateway in known if gateway.status is not None or any(gateway.rows())]
 
     def rows(self) -> Sequence[StarterRow]:
         """Return the starters, those first that somebody must look at."""
@@ -183,29 +207,4 @@ class Overview:
         def order(row: StarterRow) -> tuple[int, bool, str, str]:
             return SIGNALS.index(row.signal), row.state.state not in MOVING, row.gateway.name, row.name
 
-        rows = [row for gateway in self.gateways.values() for row in gateway.starters.values()]
-        return sorted(rows, key=order)
-
-    def _put(
-        self, gateway: GatewayLine, topic: str, starter: str, record: Record | None, now_s: float
-    ) -> None:
-        """Put a record in its place; None: the gateway has had the broker forget it."""
-        match record:
-            case None if topic == StatusRecord.TOPIC:
-                gateway.status = None
-            case None if topic.endswith(("/state", "/availability")):
-                gateway.starters.pop(starter, None)
-            case None if starter in gateway.starters:
-                gateway.starters[starter].records.pop(topic, None)
-            case StatusRecord():
-                gateway.status = record
-            case FreshRecord():
-                if gateway.token not in ("", record.token):  # the first may have been retained for days
-                    gateway.live_at_s, gateway.ahead_s = now_s, record.time_s - now_s
-                gateway.token = record.token
-            case ResultRecord() if record.is_duplicate or starter not in gateway.starters:
-                pass
-            case Record():
-                records = gateway.starters.setdefault(starter, StarterRow(gateway, starter)).records
-                records.pop(topic, None)
-                records[topic] = record
+        return sorted((row for gateway in self.gateways() for row in gateway.rows()), key=order)

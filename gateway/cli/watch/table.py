@@ -10,7 +10,7 @@ from rich.console import Group
 from rich.text import Text
 
 from gateway.cli.command import counted, in_words
-from gateway.cli.watch.overview import SIGNALS, GatewayLine, Overview, StarterRow
+from gateway.cli.watch.overview import SIGNALS, GatewayRecords, Overview, StarterRow
 from gateway.contract import Quality, ValueRecord, shortened
 
 COLUMNS = ("", "starter", "state", "current", "last reply")
@@ -23,7 +23,7 @@ INDENT = "     "  # of a second line
 
 def render(overview: Overview, now_s: float, width: int) -> Group:
     """Return the lines at `now_s` (seconds since 1970); a terminal shows their beginning."""
-    rows, gateways = overview.rows(), [gateway for _, gateway in sorted(overview.gateways.items())]
+    rows, gateways = overview.rows(), overview.gateways()
     heads = [_head(gateway, now_s, [row for row in rows if row.gateway is gateway]) for gateway in gateways]
     cells = [[Text(title, style="bold underline") for title in COLUMNS]]
     cells += [_cells(row, now_s, has_gateway=len(gateways) > 1) for row in rows]
@@ -49,7 +49,7 @@ def _lines(cells: Sequence[Text], text: str, widths: Sequence[int], width: int) 
         yield from (Text(part) for part in wrap(text, width, initial_indent=INDENT, subsequent_indent=INDENT))
 
 
-def _head(gateway: GatewayLine, now_s: float, rows: list[StarterRow]) -> Text:
+def _head(gateway: GatewayRecords, now_s: float, rows: list[StarterRow]) -> Text:
     status, failures = gateway.status, sum(row.signal == "F" for row in rows)
     state = "unknown" if status is None else status.state
     reason = f" ({status.reason})" if status is not None and status.reason else ""

@@ -16,7 +16,6 @@ from gateway.store import Documents
 
 HOUR_S = 3600.0
 MOST_PER_HOUR = 120
-WRITES_BORNE = 10_000  # by flash, usually; no manual says so
 WRITES = TypeAdapter(dict[str, NonNegativeInt])  # totals by starter
 
 

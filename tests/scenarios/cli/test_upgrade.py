@@ -103,6 +103,7 @@ UPGRADES = [
         at={
             3.0: command("mill/alice/start", id="1"),
             4.0: command("pump/alice/start", id="c2"),  # carried out by 0.2.0
+            7.0: command("pump/alice/set", args={"parameter": "P314", "value": 30}),
         },
         then={
             3.5: result("start rejected locked"),
@@ -115,10 +116,10 @@ UPGRADES = [
                 cli("audit show CONFIG", out=("version 0.2.0", "c4", "which 0.2.0 has written")),
                 cli(f"audit verify CONFIG --contains {FIRST_HASH}", out="chain whole"),
                 cli("history CONFIG belt", out="full voltage, 3.9151 s"),
-                cli("doctor CONFIG", code=None, out="pump: this gateway has written 1 time"),
                 cli("restore DIR/state/before-upgrade.tar.gz --to DIR/back", out="11 files in"),
                 untouched,
             ],
+            9.0: event("memory_written", topic="starter/pump/event", data={"total": 2}),
         },
     ),
     row(
