@@ -1,4 +1,4 @@
-"""`starter-gateway decode`: decodes words that were read from a starter."""
+"""Decode words read from a starter, to JSON."""
 
 from __future__ import annotations
 
@@ -22,8 +22,7 @@ from gateway.families import (
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Decode words read from a starter, to JSON."
+    """Add the command's arguments."""
     parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("table", metavar="TABLE", help="holding, input or coil")
     parser.add_argument(

@@ -1,4 +1,4 @@
-"""`starter-gateway send`: a command over MQTT, as an operator's program would send it."""
+"""Send a command over MQTT and show its phases; exit code 0 only when it is confirmed."""
 
 from __future__ import annotations
 
@@ -19,10 +19,7 @@ EXPECT = "POINT:VALUE,.. (e.g. expect=state:ready,remote:true)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Send a command over MQTT and show its phases; exit code 0 only when it is confirmed."
-    )
+    """Add the command's arguments."""
     add_starter(parser, about="the starter's name, or a group's for a stop")
     verb = parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
     completed(verb, by=_verbs)

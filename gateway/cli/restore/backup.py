@@ -1,4 +1,6 @@
-"""`starter-gateway backup`: configuration and state of a gateway, which may run meanwhile, in one file."""
+"""Store a gateway's configuration, the files it refers to, and its state in one file, also while the gateway
+runs. Without --secrets passwords, private keys and tokens are left out.
+"""
 
 from __future__ import annotations
 
@@ -30,11 +32,7 @@ PRIVATE = b"PRIVATE KEY-----"  # in a PEM file [RFC 7468], also one that is name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Store a gateway's configuration, the files it refers to, and its state in one file, "
-        "also while the gateway runs. Without --secrets passwords, private keys and tokens are left out."
-    )
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument("file", metavar="FILE", help="the backup to write, such as mcc1.tar.gz")
     flag(parser, "--secrets", about="with passwords, private keys and tokens")

@@ -1,4 +1,5 @@
-"""`starter-gateway restore`: puts back what a backup holds.
+"""Put back what a backup holds. The gateway must not run. Afterwards every starter that can be locked is
+locked: what happened since the backup is not known.
 
 Everything is verified before anything is written. Nothing is written outside the configuration's folder and
 the state directory, over files that are there without --replace, or beside a running gateway.
@@ -42,11 +43,7 @@ STAGE = "restoring"  # a folder in the state directory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Put back what a backup holds. The gateway must not run. Afterwards every starter that can be "
-        "locked is locked: what happened since the backup is not known."
-    )
+    """Add the command's arguments."""
     parser.add_argument("file", metavar="FILE", help="the backup")
     parser.add_argument("--to", metavar="DIR", help="put everything below this folder, not where it was")
     flag(parser, "--replace", about="replace what is there; it is set aside")
