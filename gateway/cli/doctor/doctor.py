@@ -1,4 +1,7 @@
-"""`starter-gateway doctor`: looks for problems of the machine and in the starters' settings."""
+"""Look for problems: timers and disk of this machine, ports, adapters, clock, state directory, broker, and
+in the starters command sources and communication watchdogs. Nothing is changed; exit code 1 when there is a
+problem. Run it as the gateway's user.
+"""
 
 from __future__ import annotations
 
@@ -23,12 +26,7 @@ OWN_NAME = "doctor"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Look for problems: timers and disk of this machine, ports, adapters, clock, state"
-        " directory, broker, and in the starters command sources and communication watchdogs. Nothing is"
-        " changed; exit code 1 when there is a problem. Run it as the gateway's user."
-    )
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
     add_login(parser, client=who)
