@@ -56,7 +56,7 @@ def settings_of(
     )
 
 
-def operator_at(config: Config, folder: Path, *, tool: str, login: argparse.Namespace) -> Client:
+def operator_at(config: Config, folder: Path, login: argparse.Namespace) -> Client:
     """Return the way of an operator: the one that was given, else the only one of the configuration.
 
     `login` has what the options of `add_login` say. ConfigError or UsageError.
@@ -68,7 +68,7 @@ def operator_at(config: Config, folder: Path, *, tool: str, login: argparse.Name
         raise UsageError("the configuration has no [[operator]]: the gateway is read-only")
     if len(clients) > 1:
         raise UsageError(f"which operator? (--client with one of {', '.join(clients)})")
-    settings = settings_of(config, folder, tool=tool, login=login)
+    settings = settings_of(config, folder, tool="operator", login=login)
     return Client(settings, base=config.base, client=clients[0], operator=user_name())
 
 

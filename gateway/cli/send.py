@@ -53,7 +53,7 @@ def run(args: argparse.Namespace) -> int:
     if args.verb == SELECT and "verb" in values:
         target = values.pop("verb")
         values = {"verb": target, "args": values} if values else {"verb": target}
-    operator = operator_at(config, Path(args.config).parent, tool="send", login=args)
+    operator = operator_at(config, Path(args.config).parent, args)
     sending = operator.command(
         args.starter,
         args.verb,

@@ -163,10 +163,14 @@ def altered(path: Path, change: Callable[[Members], object]) -> Path:
     return to
 
 
-def of_type(kind: bytes, target: str = "") -> Callable[[Members], None]:
+def having(name: str, content: bytes | None = None, **facts: object) -> Callable[[Members], None]:
+    """Return the change of a member's content, and of what the tar says of it."""
+
     def change(members: Members) -> None:
-        info, _ = members["state/state.sqlite"]
-        info.type, info.linkname = kind, target
+        info, before = members[name]
+        for fact, value in facts.items():
+            setattr(info, fact, value)
+        members[name] = info, before if content is None else content
 
     return change
 
@@ -192,25 +196,21 @@ def named(old: str, new: str) -> Callable[[Members], None]:
     return change
 
 
-def holding(name: str, content: bytes) -> Callable[[Members], None]:
-    return lambda members: members.update({name: (members[name][0], content)})
-
-
 STATE = "state/state.sqlite"
 BAD = {
-    "is a link": of_type(tarfile.SYMTYPE, "/etc/passwd"),
-    "is a hard link": of_type(tarfile.LNKTYPE, "manifest.json"),
-    "is a folder": of_type(tarfile.DIRTYPE),
+    "is a link": having(STATE, type=tarfile.SYMTYPE, linkname="/etc/passwd"),
+    "is a hard link": having(STATE, type=tarfile.LNKTYPE, linkname="manifest.json"),
+    "is a folder": having(STATE, type=tarfile.DIRTYPE),
     "is no file that the configuration names": named(STATE, "config/cron.d/evil"),
     "has a list for a text": saying(version=["0.2.0"]),
     "has no whole folder": saying(folder="etc"),
     "climbs out of the configuration's folder": named("config/site.toml", "config/../../evil"),
     "has a whole path": named(STATE, "/tmp/evil"),
     "is no file of a state": named(STATE, "state/gateway.lock"),
-    "was changed": holding(STATE, b"another"),
+    "was changed": having(STATE, b"another"),
     "is missing": lambda members: members.pop(STATE),
     "has no manifest": lambda members: members.pop("manifest.json"),
-    "has a damaged manifest": holding("manifest.json", b"{}"),
+    "has a damaged manifest": having("manifest.json", b"{}"),
 }
 
 

@@ -49,7 +49,7 @@ class LiveStarter:
         """Return a starter of a configuration; `login` has the options of `add_login`. UsageError."""
         config = load(config_path)
         _, table = place_of(config, name)
-        operator = operator_at(config, Path(config_path).parent, tool="parameters", login=login)
+        operator = operator_at(config, Path(config_path).parent, login)
         return cls(name, table.profile(), operator)
 
     async def info(self) -> InfoRecord:
