@@ -138,11 +138,11 @@ def name_in_backup(folder: Path, path: Path) -> str:
 def _checked_target(file: Path) -> Path:
     """Return where the backup goes, also behind a link; UsageError for what it must not replace."""
     target = Path(os.path.realpath(file))
-    is_backup = not os.path.lexists(target) and target.parent.is_dir()
+    may_write = target.parent.is_dir() and not os.path.lexists(target)
     if target.is_file():
         with target.open("rb") as content:
-            is_backup = content.read(len(GZIP)) in (GZIP, b"")
-    if not is_backup:
+            may_write = content.read(len(GZIP)) in (GZIP, b"")
+    if not may_write:
         what = "is there, and no backup" if target.exists() else "cannot be: there is no such folder"
         raise UsageError(f"{file} {what} (name a file to be written, such as mcc1.tar.gz)")
     return target
