@@ -15,8 +15,9 @@ from gateway.app.site import Site
 from gateway.cli.restore.backup import upgrade_site
 from gateway.config.reading import load
 from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
-from gateway.starters import WRITES, lock_restored
+from gateway.starters import lock_restored
 from gateway.starters.policy.motor_history import LOCKS, MOTORS, MotorHistory
+from gateway.starters.policy.write_budget import WRITES
 from gateway.store import HISTORY_FILE, STATE_FILE, read_document
 from gateway.store.backup import found_versions
 from gateway.store.schema import HISTORY, SCHEMAS

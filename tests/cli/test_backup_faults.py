@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 
 from gateway.cli.main import main
-from gateway.starters import WRITES
+from gateway.starters.policy.write_budget import WRITES
 from gateway.store import HISTORY_FILE, STATE_FILE, read_document, write_document
 from gateway.store.backup import Archive
 from tests.cli.backup_site import BackupSite, lock_of
