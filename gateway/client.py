@@ -40,7 +40,10 @@ class Client:
         ca_file: str | None = None,
         operator: str | None = None,
     ) -> None:
-        """`client` is the level in the command topic, `operator` a claim for the audit; or UsageError."""
+        """`client` is the level in the command topic, `operator` a claim for the audit; or UsageError.
+
+        The broker's settings may take the place of its URL, login and authority.
+        """
         if isinstance(url, str):
             url = broker_at(url, username=username, password=password, ca_file=ca_file)
         self._broker = url
