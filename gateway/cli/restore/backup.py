@@ -143,7 +143,7 @@ def _checked_target(file: Path) -> Path:
         with target.open("rb") as content:
             may_write = content.read(len(GZIP)) in (GZIP, b"")
     if not may_write:
-        what = "is there, and no backup" if target.exists() else "cannot be: there is no such folder"
+        what = "is there, and no backup" if target.exists() else "cannot be written: there is no such folder"
         raise UsageError(f"{file} {what} (name a file to be written, such as mcc1.tar.gz)")
     return target
 
