@@ -9,9 +9,9 @@ if not result.is_confirmed:
 from __future__ import annotations
 
 import time
-import uuid
 from collections.abc import Callable, Mapping
 from dataclasses import replace
+from secrets import token_hex
 from typing import Any
 
 from gateway.config import split_url
@@ -31,7 +31,7 @@ class Client:
 
     def __init__(
         self,
-        url: str,
+        url: str | BrokerSettings,
         *,
         base: str,
         client: str,
@@ -40,8 +40,13 @@ class Client:
         ca_file: str | None = None,
         operator: str | None = None,
     ) -> None:
-        """`client` is the level in the command topic, `operator` a claim for the audit; or UsageError."""
-        self._broker = broker_at(url, username=username, password=password, ca_file=ca_file)
+        """`client` is the level in the command topic, `operator` a claim for the audit; or UsageError.
+
+        The broker's settings may take the place of its URL, login and authority.
+        """
+        if isinstance(url, str):
+            url = broker_at(url, username=username, password=password, ca_file=ca_file)
+        self._broker = url
         if not all(is_level(level) for level in (*base.split("/"), client)):
             raise UsageError(f"{base!r} or {client!r} has other characters than a-z, 0-9, _ and -")
         self._topics = Topics(base)
@@ -78,8 +83,7 @@ class Client:
             expect=expect or {},
             select=select,
         )
-        sender = CommandClient(self._settings(), self._topics)
-        return await sender.send(
+        return await self.connection().send(
             order, now_s=time.time(), within_s=within_s, on_phase=on_phase or (lambda _: None)
         )
 
@@ -101,8 +105,9 @@ class Client:
         """Set a parameter to a number, or to an enum's label."""
         return await self.command(starter, "set", {"parameter": parameter, "value": value}, reason=reason)
 
-    def _settings(self) -> BrokerSettings:
-        return replace(self._broker, client_id=f"{self._client}-{uuid.uuid4().hex[:12]}")
+    def connection(self) -> CommandClient:
+        """Return a way of its own, for one command or one question."""
+        return CommandClient(replace(self._broker, client_id=f"{self._client}-{token_hex(6)}"), self._topics)
 
 
 def broker_at(

@@ -1,4 +1,6 @@
-"""`starter-gateway audit`: prints which commands were given and by whom, or verifies the record."""
+"""Show or verify the audit that a gateway stores in its state directory; exit code 1 when its chain is
+broken.
+"""
 
 from __future__ import annotations
 
@@ -17,11 +19,7 @@ from gateway.store import FIRST_HASH, STATE_FILE, Head, read_audit, verify
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Show or verify the audit that a gateway stores in its state directory; exit code 1 when "
-        "its chain is broken."
-    )
+    """Add the command's arguments."""
     parser.add_argument("action", choices=("show", "verify"), help="print the entries, or check their chain")
     parser.add_argument("path", metavar="STATE_DIR_OR_CONFIG", help="where the gateway stores it")
     parser.add_argument("--last", metavar="N", type=int, help="show only the newest N entries")

@@ -14,6 +14,7 @@ import uuid
 from collections.abc import Callable, Iterable
 from pathlib import Path
 
+from gateway.client import Client
 from gateway.config import VARIABLE, Config, broker_of, password_in, secret_of
 from gateway.contract import is_level
 from gateway.errors import BrokerError, UsageError
@@ -55,16 +56,20 @@ def settings_of(
     )
 
 
-def client_of(config: Config, given: str | None) -> str:
-    """Return the operator that was given, else the only one of the configuration; UsageError without."""
-    if given is not None:
-        return checked_client(given)
+def operator_at(config: Config, folder: Path, login: argparse.Namespace) -> Client:
+    """Return the way of an operator: the one that was given, else the only one of the configuration.
+
+    `login` has what the options of `add_login` say. ConfigError or UsageError.
+    """
     clients = sorted({operator.client for operator in config.operators})
-    if not clients:
+    if login.client is not None:
+        clients = [checked_client(login.client)]
+    elif not clients:
         raise UsageError("the configuration has no [[operator]]: the gateway is read-only")
     if len(clients) > 1:
         raise UsageError(f"which operator? (--client with one of {', '.join(clients)})")
-    return clients[0]
+    settings = settings_of(config, folder, tool="operator", login=login)
+    return Client(settings, base=config.base, client=clients[0], operator=user_name())
 
 
 def checked_client(client: str) -> str:

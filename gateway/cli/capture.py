@@ -1,4 +1,4 @@
-"""`starter-gateway capture`: records a running gateway's lines for Wireshark.
+"""Record a running gateway's lines for Wireshark's Modbus RTU dissector; Ctrl-C ends it.
 
 It reads the frames from the gateway's socket and writes a pcapng file, little-endian
 [draft-ietf-opsawg-pcapng]. The link type is that of serial lines recorded by an RTAC: it carries the
@@ -63,11 +63,8 @@ def _padded(data: bytes) -> bytes:
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Record a running gateway's lines for Wireshark's Modbus RTU dissector; Ctrl-C ends it. "
-        f"Read it with: tshark -r FILE {READ_WITH}"
-    )
+    """Add the command's arguments."""
+    parser.description = f"{parser.description} Read it with: tshark -r FILE {READ_WITH}"
     parser.add_argument("config", metavar="CONFIG", help="the running gateway's TOML file")
     parser.add_argument("file", metavar="FILE.pcapng", help="is overwritten")
     parser.add_argument("--seconds", type=float, metavar="N", help="end by itself after so long")

@@ -1,6 +1,6 @@
-"""`starter-gateway check`: validates a configuration and prints what each line will do.
+"""Validate a configuration and print the budget of its lines; nothing is opened.
 
-Nothing is opened. For each line: load, sweep time and stop latency. For each starter: the longest time
+For each line: load, sweep time and stop latency. For each starter: the longest time
 without a request while the gateway works, after it crashes and while it hangs, and whether its watchdog
 outlasts that.
 """
@@ -34,8 +34,7 @@ _SAFE_FACTOR = 1.5  # a watchdog below this many longest gaps leaves little room
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Validate a configuration and print the budget of its lines; nothing is opened."
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the configuration file")
     flag(
         parser,

@@ -24,10 +24,10 @@ _CONSTANTS = {"true": True, "false": False}
 
 
 class CommandModule(Protocol):
-    """A module of this package that is a command."""
+    """A module of this package that is a command; its docstring's first paragraph describes it to users."""
 
-    def add_arguments(self, parser: argparse.ArgumentParser) -> None:
-        """Give the command's parser its description and arguments."""
+    def add_arguments(self, parser: argparse.ArgumentParser, /) -> None:
+        """Give the command's parser its arguments."""
 
     def run(self, args: argparse.Namespace) -> int:
         """Carry the command out and return the exit code."""

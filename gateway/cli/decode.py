@@ -1,4 +1,4 @@
-"""`starter-gateway decode`: decodes words that were read from a starter."""
+"""Decode words read from a starter, to JSON."""
 
 from __future__ import annotations
 
@@ -20,12 +20,13 @@ from gateway.families import (
     parameters,
 )
 
+TABLES = ("holding", "input", "coil")  # that have rows
+
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Decode words read from a starter, to JSON."
+    """Add the command's arguments."""
     parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
-    parser.add_argument("table", metavar="TABLE", help="holding, input or coil")
+    parser.add_argument("table", metavar="TABLE", choices=TABLES, help="holding, input or coil")
     parser.add_argument(
         "start",
         metavar="START",
@@ -40,10 +41,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Print what the words mean; no port is opened."""
     profile = load_profile(args.family, args.language)
-    tables = {table.value: table for table in (Table.HOLDING, Table.INPUT, Table.COIL)}  # that have rows
-    table = tables.get(args.table)
-    if table is None:
-        raise UsageError(f"no table {args.table!r} (holding, input or coil)")
+    table = Table(args.table)
     start = _start(profile, table, args.start)
     highest = 1 if table.is_bits else 0xFFFF
     words = [whole_number(word, "WORD", low=0, high=highest) for word in args.words]

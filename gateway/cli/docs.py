@@ -1,4 +1,4 @@
-"""`starter-gateway docs`: serves the documentation that is shipped with the program, on loopback only."""
+"""Serve this program's documentation on loopback. Ctrl-C ends it."""
 
 from __future__ import annotations
 
@@ -23,8 +23,7 @@ class _Quiet(SimpleHTTPRequestHandler):
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Serve this program's documentation on loopback. Ctrl-C ends it."
+    """Add the command's arguments."""
     parser.add_argument("--port", metavar="N", default=str(PORT), help=f"the TCP port, else {PORT}; 0: any")
     flag(parser, "--path", about="print the folder where it lies, and end")
     flag(

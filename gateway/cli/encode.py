@@ -1,4 +1,4 @@
-"""`starter-gateway encode`: prints the frames that a command would send."""
+"""Print the request frames of a command: hex, CRC included, one a line."""
 
 from __future__ import annotations
 
@@ -15,8 +15,7 @@ _HINTS = {"slot_unknown": "give --slot 1 or --slot 2", "word_unknown": "give --l
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Print the request frames of a command: hex, CRC included, one a line."
+    """Add the command's arguments."""
     parser.add_argument("family", metavar="FAMILY", help=", ".join(FAMILIES))
     parser.add_argument("address", metavar="ADDRESS", help="of the starter, 1..247")
     parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")

@@ -127,7 +127,9 @@ def _parser(chosen: str | None, *, is_whole: bool = False) -> argparse.ArgumentP
         example = f"example: {PROGRAM} {EXAMPLES[name]}" if name in EXAMPLES else None
         its_own = subparsers.add_parser(name, help=about, epilog=example)
         if name == chosen or is_whole:
-            _load(name).add_arguments(its_own)
+            command = _load(name)
+            its_own.description = " ".join((command.__doc__ or "").partition("\n\n")[0].split())
+            command.add_arguments(its_own)
     return parser
 
 

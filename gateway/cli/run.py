@@ -1,4 +1,4 @@
-"""`starter-gateway run`: the service."""
+"""Run the gateway. SIGTERM ends it in order, SIGHUP reads the configuration again."""
 
 from __future__ import annotations
 
@@ -24,8 +24,7 @@ from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watc
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Run the gateway. SIGTERM ends it in order, SIGHUP reads the configuration again."
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
     flag(parser, "-v", "--verbose", about="log every frame")
 

@@ -1,4 +1,4 @@
-"""`starter-gateway schema`: prints the JSON Schema of the configuration, for editors and other programs."""
+"""Print the JSON Schema of the configuration."""
 
 from __future__ import annotations
 
@@ -8,9 +8,8 @@ import json
 from gateway.config import Config
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description."""
-    parser.description = "Print the JSON Schema of the configuration."
+def add_arguments(_parser: argparse.ArgumentParser) -> None:
+    """Add none."""
 
 
 def run(_args: argparse.Namespace) -> int:

@@ -1,30 +1,25 @@
-"""`starter-gateway send`: a command over MQTT, as an operator's program would send it."""
+"""Send a command over MQTT and show its phases; exit code 0 only when it is confirmed."""
 
 from __future__ import annotations
 
 import argparse
 import asyncio
-import time
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from gateway.cli.broker import add_login, client_of, settings_of, user_name
+from gateway.cli.broker import add_login, operator_at
 from gateway.cli.command import KEY_VALUE, add_starter, assigned, choose, completed, targets
 from gateway.config import Config, load
-from gateway.contract import OWN_VERBS, SELECT, STOP, CommandRequest, Phase, ResultRecord, Topics, is_level
+from gateway.contract import OWN_VERBS, SELECT, STOP, Phase, ResultRecord, is_level
 from gateway.errors import UsageError
 from gateway.families import command, load_profile
-from gateway.mqtt import CommandClient
 
 EXPECT = "POINT:VALUE,.. (e.g. expect=state:ready,remote:true)"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Send a command over MQTT and show its phases; exit code 0 only when it is confirmed."
-    )
+    """Add the command's arguments."""
     add_starter(parser, about="the starter's name, or a group's for a stop")
     verb = parser.add_argument("verb", metavar="VERB", help="start, stop, reset, set, read ...")
     completed(verb, by=_verbs)
@@ -52,13 +47,25 @@ def run(args: argparse.Namespace) -> int:
         raise UsageError(f"no starter {args.starter!r} ({choose(args.starter, known)})")
     if not is_level(args.verb):
         raise UsageError(f"no verb {args.verb!r} (start, stop, reset, set, read ...)")
-    order = _order(args, client_of(config, args.client))
-    settings = settings_of(config, Path(args.config).parent, tool="send", login=args)
-    sender = CommandClient(settings, Topics(config.base))
-    sending = sender.send(order, now_s=time.time(), within_s=args.timeout, on_phase=_show)
+    values: dict[str, Any] = dict(assigned(args.args, sign="=", form=KEY_VALUE, texts=("select", "expect")))
+    select, expect = values.pop("select", None), values.pop("expect", "")
+    expected = assigned(expect.split(","), sign=":", form=EXPECT) if expect else {}
+    if args.verb == SELECT and "verb" in values:
+        target = values.pop("verb")
+        values = {"verb": target, "args": values} if values else {"verb": target}
+    operator = operator_at(config, Path(args.config).parent, args)
+    sending = operator.command(
+        args.starter,
+        args.verb,
+        values,
+        expect=expected,
+        select=select,
+        within_s=args.timeout,
+        on_phase=_show,
+    )
     result = asyncio.run(sending)
     _show(result)
-    if "select" in result.values and order.verb == SELECT:
+    if "select" in result.values and args.verb == SELECT:
         print(f"select={result.values['select']} (within {result.values.get('valid_s')} s)", flush=True)
     return 0 if result.phase is Phase.CONFIRMED else 1
 
@@ -67,23 +74,6 @@ def _verbs(config: Config, args: argparse.Namespace) -> tuple[str, ...]:
     """Return the verbs of the named starter; a group has one."""
     family = {starter.name: starter.family for starter in config.starters}.get(args.starter)
     return (STOP,) if family is None else (*command.verbs(load_profile(family)), *OWN_VERBS)
-
-
-def _order(args: argparse.Namespace, client: str) -> CommandRequest:
-    values: dict[str, Any] = dict(assigned(args.args, sign="=", form=KEY_VALUE, texts=("select", "expect")))
-    select, expect = values.pop("select", None), values.pop("expect", None)
-    if args.verb == SELECT and "verb" in values:
-        target = values.pop("verb")
-        values = {"verb": target, "args": values} if values else {"verb": target}
-    return CommandRequest(
-        starter=args.starter,
-        client=client,
-        verb=args.verb,
-        args=values,
-        operator=user_name(),
-        expect=assigned(expect.split(","), sign=":", form=EXPECT) if expect is not None else {},
-        select=select,
-    )
 
 
 def _show(result: ResultRecord) -> None:

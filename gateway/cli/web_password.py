@@ -1,4 +1,6 @@
-"""`starter-gateway web-password`: prints the line `password = "..."` of a `[[web.user]]`."""
+"""Read a password, twice from a terminal or once from standard input, and print the line to paste below a
+[[web.user]]. The password itself is stored nowhere.
+"""
 
 from __future__ import annotations
 
@@ -12,12 +14,8 @@ from gateway.system.password_hash import password_line
 SHORTEST = 8  # characters
 
 
-def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description."""
-    parser.description = (
-        "Read a password, twice from a terminal or once from standard input, and print the line"
-        " to paste below a [[web.user]]. The password itself is stored nowhere."
-    )
+def add_arguments(_parser: argparse.ArgumentParser) -> None:
+    """Add none."""
 
 
 def run(_: argparse.Namespace) -> int:

@@ -2,18 +2,15 @@
 
 from __future__ import annotations
 
-import fcntl
-import io
 import json
 import tarfile
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
 from gateway.starters.policy.motor_history import LOCKS, MOTORS
 from gateway.store import STATE_FILE, read_document
 from gateway.store.backup import upgrade
+from tests.rig import Ran, run_cli
 from tests.rig.sites import PASSWORD_LINE, line, operator, starter, table
 from tests.store.golden.state import unpack_golden
 
@@ -24,7 +21,7 @@ CONFIG = (
         url="mqtts://broker.plant",
         username="plant",
         password_file="secret/mqtt.password",
-        ca_file="OUTSIDE/ca.pem",
+        ca_file="DIR/ssl/ca.pem",
     )
     + "[web]\n"
     + table("[web.user]", name="ann", operator="alice", password=PASSWORD_LINE)
@@ -33,6 +30,43 @@ CONFIG = (
     + starter("mill", 3, "ssw900")
     + operator("alice")
 )
+
+
+class BackupSite:
+    """A configuration with a secret, a file elsewhere, and the state of a gateway that has worked."""
+
+    def __init__(self, folder: Path) -> None:
+        self.folder = folder
+        self.config, self.state = folder / "etc" / "site.toml", folder / "etc" / "state"
+        files = (
+            ("ssl/ca.pem", "authority", 0o644),
+            ("etc/secret/mqtt.password", "hunter2\n", 0o600),
+            ("etc/site.toml", CONFIG.replace("DIR", str(folder)), 0o640),
+        )
+        for name, text, mode in files:
+            (folder / name).parent.mkdir(parents=True, exist_ok=True)
+            (folder / name).write_text(text)
+            (folder / name).chmod(mode)
+        upgrade(unpack_golden(self.state))
+
+    def cli(self, words: str, code: int = 0, *, err: str = "") -> Ran:
+        """Run a line, which must end so and complain so; SITE is the configuration, DIR the folder."""
+        ran = run_cli(*words.replace("SITE", str(self.config)).replace("DIR", str(self.folder)).split())
+        assert ran.code == code, ran
+        assert err in ran.err if err else not ran.err, ran
+        return ran
+
+    def change(self, old: str, new: str) -> None:
+        """Change the configuration; DIR is the folder."""
+        old, new = (text.replace("DIR", str(self.folder)) for text in (old, new))
+        text = self.config.read_text()
+        assert old in text
+        self.config.write_text(text.replace(old, new))
+
+    def files(self) -> dict[str, bytes]:
+        """Return all files below the folder, by their names there."""
+        paths = (path for path in self.folder.rglob("*") if path.is_file())
+        return {str(path.relative_to(self.folder)): path.read_bytes() for path in paths}
 
 
 def names_in(path: Path) -> list[str]:
@@ -48,62 +82,7 @@ def manifest_of(path: Path) -> dict[str, Any]:
         return found
 
 
-def files_below(folder: Path) -> set[str]:
-    return {str(path.relative_to(folder)) for path in folder.rglob("*") if path.is_file()}
-
-
-def altered(path: Path, change: Callable[[str, bytes], tuple[tarfile.TarInfo, bytes] | None]) -> Path:
-    """Return a copy of a backup in which each member became another one, or none."""
-    to = path.with_name("altered.tar.gz")
-    with tarfile.open(path) as source, tarfile.open(to, "w:gz") as target:
-        for member in source.getmembers():
-            file = source.extractfile(member)
-            assert file is not None
-            new = change(member.name, file.read())
-            if new is not None:
-                info, content = new
-                info.size = len(content) if info.isreg() else 0
-                target.addfile(info, io.BytesIO(content))
-    return to
-
-
-@contextmanager
-def running(state_dir: Path) -> Iterator[None]:
-    """Hold the lock of a gateway that runs."""
-    with (state_dir / "gateway.lock").open("w") as file:
-        fcntl.flock(file, fcntl.LOCK_EX)
-        yield
-
-
-def lock_of(state_dir: Path, starter: str) -> dict[str, Any] | None:
+def lock_of(state_dir: Path, starter: str) -> dict[str, Any]:
     stored = read_document(state_dir / STATE_FILE, LOCKS, MOTORS)
-    assert stored is not None
-    lock = stored.starters[starter].lock
-    return None if lock is None else lock.model_dump()
-
-
-def renamed(name: str, content: bytes) -> tuple[tarfile.TarInfo, bytes]:
-    return tarfile.TarInfo(name), content
-
-
-def with_names(old: str, new: str) -> Callable[[str, bytes], tuple[tarfile.TarInfo, bytes]]:
-    def change(name: str, content: bytes) -> tuple[tarfile.TarInfo, bytes]:
-        if name == "manifest.json":
-            return renamed(name, content.replace(json.dumps(old).encode(), json.dumps(new).encode()))
-        return renamed(new if name == old else name, content)
-
-    return change
-
-
-def build_site(folder: Path) -> Path:
-    """Make a configuration with a secret, a file elsewhere, and the state of a gateway that has worked."""
-    outside, folder = folder / "ssl", folder / "etc"
-    (folder / "secret").mkdir(parents=True)
-    outside.mkdir()
-    (outside / "ca.pem").write_text("authority")
-    (folder / "secret" / "mqtt.password").write_text("hunter2\n")
-    (folder / "secret" / "mqtt.password").chmod(0o600)
-    (folder / "site.toml").write_text(CONFIG.replace("OUTSIDE", str(outside)))
-    (folder / "site.toml").chmod(0o640)
-    upgrade(unpack_golden(folder / "state"))
-    return folder / "site.toml"
+    lock = None if stored is None else stored.starters[starter].lock
+    return {} if lock is None else lock.model_dump()

@@ -6,19 +6,17 @@ from pathlib import Path
 
 import pytest
 
-from gateway.cli.main import main
-from tests.cli.backup_site import build_site
+from tests.cli.backup_site import BackupSite
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Path:
+def place(tmp_path: Path) -> BackupSite:
     """Return a configuration with a secret, a file of another folder, and the state of a gateway."""
-    return build_site(tmp_path)
+    return BackupSite(tmp_path)
 
 
 @pytest.fixture
-def backup(site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> Path:
+def backup(place: BackupSite) -> Path:
     """Return a backup of that, without secrets."""
-    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 0
-    capsys.readouterr()
-    return tmp_path / "plant.tar.gz"
+    place.cli("backup SITE DIR/plant.tar.gz")
+    return place.folder / "plant.tar.gz"

@@ -1,12 +1,17 @@
-"""A backup and a restore that meet a full disk, the end of their process, or a wrong name."""
+"""A backup and a restore that meet a full disk, the end of their process, a wrong name or a forged file."""
 
 from __future__ import annotations
 
 import errno
+import fcntl
+import io
+import json
 import os
 import shutil
 import signal
-from collections.abc import Callable
+import tarfile
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -16,45 +21,27 @@ from gateway.cli.main import main
 from gateway.starters.policy.write_budget import WRITES
 from gateway.store import HISTORY_FILE, STATE_FILE, read_document, write_document
 from gateway.store.backup import Archive
-from tests.cli.backup_site import build_site, files_below, lock_of, names_in, running
+from tests.cli.backup_site import BackupSite, lock_of
 
 MOST_POINTS = 300
 OWN = {"pump": 9}  # writes, of a state that is to be replaced
+LOCK = "etc/state/gateway.lock"
 
 
-def octets_below(folder: Path) -> dict[str, bytes]:
-    return {name: (folder / name).read_bytes() for name in files_below(folder)}
-
-
-def test_a_key_is_a_secret_whatever_names_it(site: Path, tmp_path: Path) -> None:
-    (site.parent / "both.pem").write_text(
-        "-----BEGIN CERTIFICATE-----\n-----BEGIN EC PRIVATE KEY-----\nhunter3\n"
-    )
-    both = 'cert_file = "both.pem"\nkey_file = "both.pem"\n'
-    site.write_text(site.read_text().replace("[web]", f"{both}\n[web]"))
-    authority = str(tmp_path / "ssl" / "ca.pem")
-    site.write_text(site.read_text().replace(authority, "secret/../both.pem"))
-
-    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 0
-    assert main(["backup", str(site), str(tmp_path / "full.tar.gz"), "--secrets"]) == 0
-
-    assert "config/both.pem" not in names_in(tmp_path / "plant.tar.gz")
-    assert "config/both.pem" in names_in(tmp_path / "full.tar.gz")
-    site.write_text(site.read_text().replace(both, ""))
-    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 0
-    assert "config/both.pem" not in names_in(tmp_path / "plant.tar.gz")
+@contextmanager
+def running(state_dir: Path) -> Iterator[None]:
+    """Hold the lock of a gateway that runs."""
+    with (state_dir / "gateway.lock").open("w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def test_a_restore_for_which_there_is_no_room_changes_nothing(
-    backup: Path,
-    site: Path,
-    tmp_path: Path,
-    monkeypatch: pytest.MonkeyPatch,
-    capsys: pytest.CaptureFixture[str],
+    backup: Path, place: BackupSite, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (site.parent / "state" / "gateway.lock").touch()
-    write_document(site.parent / "state" / STATE_FILE, "writes", WRITES, OWN)
-    before, left = octets_below(tmp_path), [3]
+    (place.folder / LOCK).touch()
+    write_document(place.state / STATE_FILE, "writes", WRITES, OWN)
+    before, left = place.files(), [0]
     extract = Archive.extract
 
     def full(self: Archive, name: str, path: Path) -> None:
@@ -65,13 +52,9 @@ def test_a_restore_for_which_there_is_no_room_changes_nothing(
         extract(self, name, path)
 
     monkeypatch.setattr(Archive, "extract", full)
-    for after in (1, 2, 3, 4):  # within the state, and within the configuration
-        left[0] = after
-        assert main(["restore", str(backup), "--replace"]) == 1
-        found = octets_below(tmp_path)
-        found["etc/state/gateway.lock"] = b""
-        assert found == before
-        assert "No space left on device" in capsys.readouterr().err
+    for left[0] in (1, 2, 3, 4):  # within the state, and within the configuration
+        place.cli(f"restore {backup} --replace", 1, err="No space left on device")
+        assert place.files() | {LOCK: b""} == before
 
 
 def die_at(point: int) -> None:
@@ -97,75 +80,157 @@ def test_a_restore_that_is_killed_at_any_point_leaves_all_of_before_or_no_config
 ) -> None:
     kills, without = 0, 0
     for point in range(0, MOST_POINTS, 3):
-        site = build_site(tmp_path / str(point))
-        state, text = site.parent / "state", site.read_text()
+        place = BackupSite(tmp_path / str(point))
+        site, state, text = place.config, place.state, place.config.read_text()
         write_document(state / STATE_FILE, "writes", WRITES, OWN)
-        (state / "gateway.lock").touch()
-        before = octets_below(site.parent)
+        (place.folder / LOCK).touch()
+        before = place.files()
+        restore = f"restore {backup} --to {site.parent} --replace"
         if (child := os.fork()) == 0:
             die_at(point)
-            os._exit(main(["restore", str(backup), "--to", str(site.parent), "--replace"]))
+            os._exit(main(restore.split()))
         _, status = os.waitpid(child, 0)
         if not os.WIFSIGNALED(status):
             break
         kills += 1
-        is_complete = site.exists() and site.read_text() != text
-        if site.exists() and not is_complete:
-            now = octets_below(site.parent)
-            assert {name: now[name] for name in before} == before | {
-                "state/gateway.lock": now["state/gateway.lock"]
-            }
+        if site.exists() and site.read_text() == text:
+            now = place.files()
+            assert {name: now[name] for name in before} == before | {LOCK: now[LOCK]}
         without += not site.exists()
 
-        assert main(["restore", str(backup), "--to", str(site.parent), "--replace"]) == 0
+        place.cli(restore)
 
         assert read_document(state / STATE_FILE, "writes", WRITES) == {"pump": 1}
-        assert lock_of(state, "pump") is not None
+        assert lock_of(state, "pump")
         asides = [path for path in state.glob("before-restore-*") if (path / STATE_FILE).exists()]
-        texts = [path.read_text() for path in site.parent.glob("site.toml.before-restore-*")]
         assert OWN in [read_document(path / STATE_FILE, "writes", WRITES) for path in asides]
-        assert text in texts
-        left = {name for name in files_below(site.parent) if name.endswith((".restored", ".new"))}
-        assert left == set()
+        assert text in [path.read_text() for path in site.parent.glob("site.toml.before-restore-*")]
+        assert [name for name in place.files() if name.endswith((".restored", ".new"))] == []
         assert not (state / "restoring").exists()
     assert kills > without > 3
 
 
 def test_a_gateway_that_runs_by_the_configuration_is_left_alone_with_another_state_dir_too(
-    backup: Path, site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    backup: Path, place: BackupSite
 ) -> None:
-    (site.parent / "state").rename(tmp_path / "var")
-    site.write_text(site.read_text().replace('"state"', f'"{tmp_path / "var"}"'))
-    before = octets_below(site.parent)
+    var = place.folder / "var"
+    place.state.rename(var)
+    place.change('"state"', '"DIR/var"')
 
-    with running(tmp_path / "var"):
-        assert main(["restore", str(backup), "--replace"]) == 1
+    with running(var):
+        before = place.files()
+        place.cli(f"restore {backup} --replace", 1, err="a gateway runs by")
 
-    assert "a gateway runs by" in capsys.readouterr().err
-    assert octets_below(site.parent) == before
+    assert place.files() == before
 
 
-def test_the_files_of_0_2_0_are_not_copied_while_it_runs(
-    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+def test_the_files_of_0_2_0_are_not_copied_while_it_runs(place: BackupSite) -> None:
+    (place.state / STATE_FILE).unlink()
+
+    with running(place.state):
+        place.cli("backup SITE DIR/plant.tar.gz", 1, err="a gateway of 0.2.0 runs")
+
+    assert not (place.folder / "plant.tar.gz").exists()
+
+
+def test_a_damaged_file_and_what_a_killed_backup_has_left(place: BackupSite) -> None:
+    for name in (".plant.tar.gz.copies", ".plant.tar.gz"):
+        (place.folder / name).mkdir()
+    (place.state / HISTORY_FILE).write_text("Dear diary, " * 1000)
+
+    said = "history.sqlite: file is not a database (start the gateway once"
+    place.cli("backup SITE DIR/plant.tar.gz", 1, err=said)
+
+    assert {path.name for path in place.folder.iterdir()} == {"etc", "ssl", ".plant.tar.gz"}
+
+
+Members = dict[str, tuple[tarfile.TarInfo, bytes]]  # of a backup, by their names
+
+
+def altered(path: Path, change: Callable[[Members], object]) -> Path:
+    """Return a copy of a backup whose members were changed."""
+    to, members = path.with_name("altered.tar.gz"), Members()
+    with tarfile.open(path) as source:
+        for info in source.getmembers():
+            file = source.extractfile(info)
+            assert file is not None
+            members[info.name] = info, file.read()
+    change(members)
+    with tarfile.open(to, "w:gz") as target:
+        for info, content in members.values():
+            info.size = len(content) if info.isreg() else 0
+            target.addfile(info, io.BytesIO(content))
+    return to
+
+
+def having(name: str, content: bytes | None = None, **facts: object) -> Callable[[Members], None]:
+    """Return the change of a member's content, and of what the tar says of it."""
+
+    def change(members: Members) -> None:
+        info, before = members[name]
+        for fact, value in facts.items():
+            setattr(info, fact, value)
+        members[name] = info, before if content is None else content
+
+    return change
+
+
+def saying(**facts: object) -> Callable[[Members], None]:
+    """Return the change of the manifest."""
+
+    def change(members: Members) -> None:
+        info, text = members["manifest.json"]
+        members["manifest.json"] = info, json.dumps({**json.loads(text), **facts}).encode()
+
+    return change
+
+
+def named(old: str, new: str) -> Callable[[Members], None]:
+    """Return the change of a member's name, also in the manifest."""
+
+    def change(members: Members) -> None:
+        members[old][0].name = new
+        info, text = members["manifest.json"]
+        members["manifest.json"] = info, text.replace(json.dumps(old).encode(), json.dumps(new).encode())
+
+    return change
+
+
+STATE = "state/state.sqlite"
+BAD = {
+    "is a link": having(STATE, type=tarfile.SYMTYPE, linkname="/etc/passwd"),
+    "is a hard link": having(STATE, type=tarfile.LNKTYPE, linkname="manifest.json"),
+    "is a folder": having(STATE, type=tarfile.DIRTYPE),
+    "is no file that the configuration names": named(STATE, "config/cron.d/evil"),
+    "has a list for a text": saying(version=["0.2.0"]),
+    "has no whole folder": saying(folder="etc"),
+    "climbs out of the configuration's folder": named("config/site.toml", "config/../../evil"),
+    "has a whole path": named(STATE, "/tmp/evil"),
+    "is no file of a state": named(STATE, "state/gateway.lock"),
+    "was changed": having(STATE, b"another"),
+    "is missing": lambda members: members.pop(STATE),
+    "has no manifest": lambda members: members.pop("manifest.json"),
+    "has a damaged manifest": having("manifest.json", b"{}"),
+}
+
+
+@pytest.mark.parametrize("what", BAD)
+def test_a_backup_that_was_tampered_with_writes_nothing(what: str, backup: Path, place: BackupSite) -> None:
+    bad = altered(backup, BAD[what])
+    before = place.files()
+
+    ran = place.cli(f"restore {bad} --to DIR/new", 1, err="starter-gateway: ")
+
+    assert ran.err.count("\n") == 1
+    assert place.files() == before
+
+
+@pytest.mark.parametrize("facts", [{"format": 2}, {"state": {STATE_FILE: 1, HISTORY_FILE: 2}}], ids=str)
+def test_a_backup_of_a_later_version_is_refused_with_78(
+    facts: dict[str, Any], backup: Path, place: BackupSite
 ) -> None:
-    (site.parent / "state" / STATE_FILE).unlink()
+    bad = altered(backup, saying(**facts))
 
-    with running(site.parent / "state"):
-        assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
+    place.cli(f"restore {bad} --to DIR/new", 78, err="was made by a later version")
 
-    assert "a gateway of 0.2.0 runs" in capsys.readouterr().err
-    assert not (tmp_path / "plant.tar.gz").exists()
-
-
-def test_a_damaged_file_and_what_a_killed_backup_has_left(
-    site: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
-    left, other = tmp_path / ".plant.tar.gz.x.copies", tmp_path / ".plant.tar.gz"
-    for folder in (left, other):
-        folder.mkdir()
-    (site.parent / "state" / HISTORY_FILE).write_text("Dear diary, " * 1000)
-
-    assert main(["backup", str(site), str(tmp_path / "plant.tar.gz")]) == 1
-
-    assert "history.sqlite: file is not a database (start the gateway once" in capsys.readouterr().err
-    assert {path.name for path in tmp_path.iterdir()} == {"etc", "ssl", other.name}
+    assert not (place.folder / "new").exists()

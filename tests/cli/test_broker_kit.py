@@ -150,23 +150,6 @@ def test_a_bridge_passes(tmp_path: Path, site: str, up: set[str], down: set[str]
     assert (found["bridge-up"], found["bridge-down"]) == ((up, set()), (set(), down))
 
 
-@pytest.mark.parametrize(
-    ("site", "said"),
-    [
-        (changed(PLAIN) + SPARKPLUG.replace('"plant"', '"the plant"'), "cannot pass 'spBv1.0/the plant/"),
-        (changed(PLAIN).replace("localhost", "localhost:18883"), "port 18883 is the bridge's own"),
-    ],
-    ids=["names with spaces", "a broker at its port"],
-)
-def test_a_bridge_cannot_have(
-    tmp_path: Path, site: str, said: str, capsys: pytest.CaptureFixture[str]
-) -> None:
-    kit = made(tmp_path, "--bridge=central", site=site, code=2)
-
-    assert said in capsys.readouterr().err
-    assert contents(kit) == {}
-
-
 def test_sparkplug_at_another_broker_has_no_rights_at_this_one(tmp_path: Path) -> None:
     elsewhere = changed(PLAIN) + table("sparkplug", group="plant", urls=["mqtts://other"])
 
@@ -265,22 +248,3 @@ def test_an_update_keeps_what_it_does_not_name_and_takes_away_what_an_empty_opti
         f"logins/{name}" for name in ("alice", "mcc1", "prover", "viewer")
     }
     assert KitSettings.read(kit).bridge == ""
-
-
-@needs_openssl
-def test_a_copy_of_a_kit_is_that_of_a_second_gateway_at_the_broker(tmp_path: Path) -> None:
-    one = made(tmp_path, site=changed(NAMED), folder="one")
-    shutil.copytree(one, tmp_path / "two")
-
-    two = made(tmp_path, "--update", site=changed(NAMED).replace("mcc1", "mcc2"), folder="two")
-
-    same = {name for name, content in contents(one).items() if contents(two).get(name) == content}
-    assert same == {
-        "mosquitto.conf",
-        "ca.pem",
-        "ca.key",
-        "kit.json",
-        *(f"logins/{name}" for name in ("alice", "auditor", "prover", "viewer")),
-    }
-    assert (two / "logins/mcc2").exists()
-    assert not (two / "logins/mcc1").exists()

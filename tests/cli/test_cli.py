@@ -19,6 +19,7 @@ from gateway.cli.broker import password_of
 from gateway.cli.command import Progress, in_words
 from gateway.cli.main import COMMANDS, EXAMPLES, main, whole_parser
 from gateway.system.password_hash import is_password
+from tests.cli.backup_site import BackupSite
 from tests.rig import run_cli
 
 
@@ -35,12 +36,12 @@ def test_every_command_has_its_help_whose_example_is_a_right_use(
         assert whole_parser().parse_args(EXAMPLES[command].split()).command == command
 
 
-def test_a_shell_completes_starters_and_their_verbs(site: Path) -> None:
+def test_a_shell_completes_starters_and_their_verbs(place: BackupSite) -> None:
     (choices,) = [a.choices for a in whole_parser()._actions if isinstance(a, argparse._SubParsersAction)]
     known = {action.dest: action for action in choices["send"]._actions}
     starter, verb = (known[name].completer for name in ("starter", "verb"))
 
-    typed = argparse.Namespace(config=str(site), starter="pump")
+    typed = argparse.Namespace(config=str(place.config), starter="pump")
     assert [*starter(parsed_args=typed, prefix="")] == ["pump", "mill"]
     assert {"start", "stop", "lock"} <= {*verb(parsed_args=typed, prefix="")}
 

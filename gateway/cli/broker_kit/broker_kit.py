@@ -1,4 +1,7 @@
-"""`starter-gateway broker-kit`: writes what a Mosquitto needs for a gateway, and proves it as it runs."""
+"""Write Mosquitto's configuration, access list, passwords and certificates for a gateway into a folder; with
+--prove, try on the running broker that each login may do what it must, and nothing else. Exit code 1 when the
+proof finds something wrong.
+"""
 
 from __future__ import annotations
 
@@ -21,12 +24,7 @@ from gateway.errors import UsageError
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Write Mosquitto's configuration, access list, passwords and certificates for a gateway"
-        " into a folder; with --prove, try on the running broker that each login may do what it must, and"
-        " nothing else. Exit code 1 when the proof finds something wrong."
-    )
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument("folder", metavar="DIR", help="the folder of the kit; only its owner may read it")
     actions = parser.add_mutually_exclusive_group()

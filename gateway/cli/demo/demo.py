@@ -1,4 +1,4 @@
-"""`starter-gateway demo`: simulated starters of all families, a broker and the gateway."""
+"""Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."""
 
 from __future__ import annotations
 
@@ -73,8 +73,7 @@ WITH_PYTHON = {  # where Mosquitto's clients are missing; paho is there
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Four simulated starters, a broker on loopback and the gateway. Ctrl-C ends it."
+    """Add the command's arguments."""
     flag(parser, "-v", "--verbose", about="log every frame, instead of showing the table")
     flag(parser, "--plant", about="the motors run a small plant's day by themselves, again and again")
 

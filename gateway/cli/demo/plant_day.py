@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import asyncio
 import logging
-import time
 from typing import NamedTuple
 
 from gateway.cli.broker import Subscription
 from gateway.cli.demo.knobs import TREE
 from gateway.cli.demo.processes import demo_client
-from gateway.contract import CommandRequest, Phase, Topics
+from gateway.client import Client
+from gateway.contract import Phase
 from gateway.errors import GatewayError
-from gateway.mqtt import CommandClient, Message
+from gateway.mqtt import Message
 
 log = logging.getLogger(__name__)
 
@@ -72,11 +72,8 @@ async def run_plant(port: int) -> None:
 
 async def _command(deed: Deed, port: int) -> None:
     try:
-        client = CommandClient(demo_client(port), Topics(BASE))
-        order = CommandRequest(deed.starter, CLIENT, deed.what)
-        result = await client.send(
-            order, now_s=time.time(), within_s=RESULT_WITHIN_S, on_phase=lambda _: None
-        )
+        client = Client(demo_client(port), base=BASE, client=CLIENT)
+        result = await client.command(deed.starter, deed.what, within_s=RESULT_WITHIN_S)
         if result.phase is not Phase.CONFIRMED:
             log.warning("%s %s: %s", deed.starter, deed.what, result)
     except (GatewayError, TimeoutError) as error:

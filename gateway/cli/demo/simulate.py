@@ -1,4 +1,6 @@
-"""`starter-gateway simulate`: the starters of a configuration, simulated on pseudo-terminals in real time."""
+"""Simulate the starters of a configuration, with real byte times, on pseudo-terminals. A port that does not
+exist yet is made (a link), so that `run` works with the same configuration.
+"""
 
 from __future__ import annotations
 
@@ -29,11 +31,7 @@ TOLERANCE_S = 0.0002  # two programs never wake on the spot
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Simulate the starters of a configuration, with real byte times, on pseudo-terminals."
-        " A port that does not exist yet is made (a link), so that `run` works with the same configuration."
-    )
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the site's TOML file")
     parser.add_argument(
         "--knobs",

@@ -1,4 +1,7 @@
-"""`starter-gateway doctor`: looks for problems of the machine and in the starters' settings."""
+"""Look for problems: timers and disk of this machine, ports, adapters, clock, state directory, broker, and
+in the starters command sources and communication watchdogs. Nothing is changed; exit code 1 when there is a
+problem. Run it as the gateway's user.
+"""
 
 from __future__ import annotations
 
@@ -12,23 +15,18 @@ from gateway.cli.broker import add_login, checked_client, settings_of, user_name
 from gateway.cli.doctor import machine
 from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.doctor.starters import LineCheckup
+from gateway.client import Client
 from gateway.config import Config, load, timing_of
-from gateway.contract import Topics
 from gateway.errors import BrokerError, ConfigError
 from gateway.families import Weight
 from gateway.line import new_precise_loop
-from gateway.mqtt import BrokerSettings, connected
+from gateway.mqtt import connected
 
 OWN_NAME = "doctor"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Look for problems: timers and disk of this machine, ports, adapters, clock, state"
-        " directory, broker, and in the starters command sources and communication watchdogs. Nothing is"
-        " changed; exit code 1 when there is a problem. Run it as the gateway's user."
-    )
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     who = f"the operator as whom a running gateway is asked, else --username, else {OWN_NAME}"
     add_login(parser, client=who)
@@ -51,19 +49,18 @@ async def _examine(
     findings.add(machine.clock_finding(), machine.dated_finding(config), machine.state_dir_finding(state_dir))
     findings.add(machine.timers_finding(*await machine.lateness_s()))
     findings.add(machine.disk_finding(machine.sync_s(state_dir)))
-    settings = await _broker(config, folder, login, findings)
+    operator = await _operator(config, folder, client, login, findings)
     for prospect in prospects_of(config):
         table = prospect.table
         opener = io.MACHINE.make_opener(table.port, timing_of(table))
-        topics = Topics(config.base)
-        await LineCheckup(prospect, opener, findings, settings, topics, client, state_dir).run()
+        await LineCheckup(prospect, opener, findings, operator, state_dir).run()
         findings.add(machine.latency_finding(table.port, f"line {table.name}"))
 
 
-async def _broker(
-    config: Config, folder: Path, login: argparse.Namespace, findings: Findings
-) -> BrokerSettings | None:
-    """Log in, under another client id than the gateway; return the way to the broker, None when it is none.
+async def _operator(
+    config: Config, folder: Path, client: str, login: argparse.Namespace, findings: Findings
+) -> Client | None:
+    """Log in, under another client id than the gateway; return an operator's way, None when there is none.
 
     With `--username` that login is tried: a second one with the gateway's own could disconnect it.
     """
@@ -82,4 +79,4 @@ async def _broker(
         findings.add(Finding(where, f"{who}: {error}", Weight.ERROR))
         return None
     findings.add(Finding(where, f"takes {who}, MQTT {session.version}"))
-    return settings
+    return Client(settings, base=config.base, client=client, operator=user_name())

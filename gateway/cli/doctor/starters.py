@@ -8,13 +8,13 @@ from pathlib import Path
 from gateway.app.capacity import LineCapacity
 from gateway.cli.doctor.findings import Finding, Findings
 from gateway.cli.parameters.through_gateway import LiveStarter
+from gateway.client import Client
 from gateway.config import setups_of, timing_of
-from gateway.contract import AvailabilityRecord, CommandError, ResultCode, Topics, rfc3339
+from gateway.contract import AvailabilityRecord, CommandError, ResultCode, rfc3339
 from gateway.errors import BrokerError, NoResultError, PortError, PortLostError, StoreError
 from gateway.families import Identity, Weight, device_of, diagnosis, reading
 from gateway.line import Garbled, Outcome, PortOpener, Silent, Survey
 from gateway.modbus import Request
-from gateway.mqtt import BrokerSettings, CommandClient
 from gateway.starters import (
     FINGERPRINTS,
     KNOWN,
@@ -39,17 +39,15 @@ Rows = dict[str, tuple[int, ...]]
 
 @dataclass(frozen=True)
 class LineCheckup:
-    """One line's port and starters; where a gateway holds the port it is asked, as `client`.
+    """One line's port and starters; where a gateway holds the port it is asked, as an operator would.
 
-    `settings` is the way to the broker, None when it cannot be used.
+    `operator` is None when the broker cannot be used.
     """
 
     prospect: LineCapacity
     opener: PortOpener
     findings: Findings
-    settings: BrokerSettings | None
-    topics: Topics
-    client: str
+    operator: Client | None
     state_dir: Path
 
     async def run(self) -> None:
@@ -103,12 +101,12 @@ class LineCheckup:
 
     async def _ask_the_gateway(self, setup: StarterSetup) -> None:
         where, slots = f"starter {setup.name}", device_of(setup.profile).slot_rows
-        if self.settings is None:
+        if self.operator is None:
             self._say(where, "cannot be asked: the broker cannot be used", Weight.WARNING, "see above")
             return
-        live = LiveStarter(setup.name, setup.profile, self.client, self.settings, self.topics)
+        live = LiveStarter(setup.name, setup.profile, self.operator)
         try:
-            asking = CommandClient(self.settings, self.topics)
+            asking = self.operator.connection()
             known = await asking.retained(AvailabilityRecord, within_s=KNOWN_WITHIN_S, starter=setup.name)
             if known is not None and known.state != "online":
                 since = f" since {at}" if (at := rfc3339(known.since_s)) else ""

@@ -1,4 +1,6 @@
-"""`starter-gateway parameters`: saves, compares and restores parameters through the running gateway."""
+"""Save, compare and restore a starter's parameters through the running gateway, as an operator with the
+rights `read` and `set`.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +28,6 @@ _ABOUT = {
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
     """Add the command's arguments, and a parser for each of its actions."""
-    parser.description = (
-        "Save, compare and restore a starter's parameters through the running gateway, as an operator with"
-        " the rights `read` and `set`."
-    )
     actions = parser.add_subparsers(dest="action", metavar="ACTION", required=True)
     save, diff, restoring = (
         actions.add_parser(name, help=about, description=f"{about[0].upper()}{about[1:]}.")

@@ -1,4 +1,5 @@
-"""`starter-gateway history`: lists recorded starts and trips, and exports one of them as CSV or COMTRADE.
+"""List the starts and trips that a gateway has recorded, or export one of them: the newest trip, else the
+newest start, or the one of --id.
 
 Reads the gateway's file beside a gateway that runs or not; changes nothing in it.
 """
@@ -22,11 +23,7 @@ UNITS = {"acceleration_s": "s", "peak_a": "A", "i2t_a2s": "A²s"}  # of what is 
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "List the starts and trips that a gateway has recorded, or export one of them: the newest trip, else "
-        "the newest start, or the one of --id."
-    )
+    """Add the command's arguments."""
     add_starter(parser, about="name of the starter; without it all are listed", nargs="?")
     parser.add_argument("--id", metavar="ID", help="of a start or a trip, as it is listed")
     parser.add_argument("--csv", metavar="FILE", help="write its readings as CSV; - prints them")

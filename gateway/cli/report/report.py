@@ -1,4 +1,5 @@
-"""`starter-gateway report`: the health report of one starter, printed or as a page.
+"""Print the health of a motor and its starter: identity, hours, starts against the baseline, trends, trips,
+changed parameters, the line. With --html a page that prints well on A4.
 
 Reads the state directory beside a gateway that runs or not, and asks the broker for what the gateway has
 published last; changes nothing in either.
@@ -31,11 +32,7 @@ R = TypeVar("R", bound=Record)
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Print the health of a motor and its starter: identity, hours, starts against the baseline, trends, "
-        "trips, changed parameters, the line. With --html a page that prints well on A4."
-    )
+    """Add the command's arguments."""
     add_starter(parser)
     parser.add_argument("--html", metavar="FILE", help="write a page with plots instead of printing")
     parser.add_argument("--language", choices=LANGUAGES, help="of the report (default: the configuration's)")

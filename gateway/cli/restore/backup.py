@@ -1,17 +1,16 @@
-"""`starter-gateway backup`: configuration and state of a gateway, which may run meanwhile, in one file."""
+"""Store a gateway's configuration, the files it refers to, and its state in one file, also while the gateway
+runs. Without --secrets passwords, private keys and tokens are left out.
+"""
 
 from __future__ import annotations
 
 import argparse
-import glob
 import logging
 import os
 import shutil
 import time
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 from gateway import __version__
 from gateway.app.site import Site
@@ -33,11 +32,7 @@ PRIVATE = b"PRIVATE KEY-----"  # in a PEM file [RFC 7468], also one that is name
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Store a gateway's configuration, the files it refers to, and its state in one file, "
-        "also while the gateway runs. Without --secrets passwords, private keys and tokens are left out."
-    )
+    """Add the command's arguments."""
     parser.add_argument("config", metavar="CONFIG", help="the gateway's configuration")
     parser.add_argument("file", metavar="FILE", help="the backup to write, such as mcc1.tar.gz")
     flag(parser, "--secrets", about="with passwords, private keys and tokens")
@@ -67,9 +62,14 @@ def run(args: argparse.Namespace) -> int:
 
 
 def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> backup.Manifest:
-    """Write a backup, and return what it says of itself; StoreError, OSError."""
-    state_dir = path.parent / config.gateway.state_dir
-    with _copies_beside(file) as copies:
+    """Write a backup, and return what it says of itself; StoreError, OSError.
+
+    The copies are made beside it, for their owner alone; those that a killed process has left are deleted.
+    """
+    state_dir, copies = path.parent / config.gateway.state_dir, file.with_name(f".{file.name}.copies")
+    shutil.rmtree(copies, ignore_errors=True)
+    copies.mkdir(mode=0o700)
+    try:
         (copies / STATE).mkdir()
         versions = backup.copy_state(state_dir, copies / STATE) if state_dir.is_dir() else {}
         state = [backup.Member(f"{STATE}/{name}", copies / STATE / name, state_dir) for name in versions]
@@ -93,6 +93,8 @@ def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> ba
         )
         backup.write_archive(file, facts, [own, *configured, *state])
         return facts
+    finally:
+        shutil.rmtree(copies)
 
 
 def upgrade_site(path: Path, site: Site) -> None:
@@ -136,27 +138,14 @@ def name_in_backup(folder: Path, path: Path) -> str:
 def _checked_target(file: Path) -> Path:
     """Return where the backup goes, also behind a link; UsageError for what it must not replace."""
     target = Path(os.path.realpath(file))
-    hint = "name a file to be written, such as mcc1.tar.gz"
-    if not target.parent.is_dir():
-        raise UsageError(f"{target.parent} is no folder ({hint})")
-    if not target.exists():
-        return target
-    if not target.is_file():
-        raise UsageError(f"{file} is there, and no file ({hint})")
-    with target.open("rb") as content:
-        if content.read(len(GZIP)) not in (GZIP, b""):
-            raise UsageError(f"{file} is there, and no backup ({hint})")
+    may_write = target.parent.is_dir() and not os.path.lexists(target)
+    if target.is_file():
+        with target.open("rb") as content:
+            may_write = content.read(len(GZIP)) in (GZIP, b"")
+    if not may_write:
+        what = "is there, and no backup" if target.exists() else "cannot be written: there is no such folder"
+        raise UsageError(f"{file} {what} (name a file to be written, such as mcc1.tar.gz)")
     return target
-
-
-@contextmanager
-def _copies_beside(file: Path) -> Iterator[Path]:
-    """Give an empty folder for copies; what a killed process has left beside the same file is deleted."""
-    begin, end = f".{file.name}.", ".copies"
-    for left in file.parent.glob(f"{glob.escape(begin)}*{end}"):
-        shutil.rmtree(left)
-    with TemporaryDirectory(end, begin, file.parent) as folder:
-        yield Path(folder)
 
 
 def _configured(

@@ -1,7 +1,17 @@
-"""`starter-gateway restore`: puts back what a backup holds.
+"""Put back what a backup holds. The gateway must not run. Afterwards every starter that can be locked is
+locked: what happened since the backup is not known.
 
 Everything is verified before anything is written. Nothing is written outside the configuration's folder and
 the state directory, over files that are there without --replace, or beside a running gateway.
+
+The state is older than what has happened since:
+
+1. A command that was carried out since is not in the ledger. A copy of it does not act: neither its `token`
+   nor its `issued_at` proves it fresh to another run (docs/upgrade.md).
+2. A maintenance lock that was set since is not known: each starter that may be locked is locked.
+3. Starts are as old as they were in the backup, and age by this machine's clocks from now on.
+4. Sparkplug's number of births must not be one that its hosts have just seen: it goes on half way round.
+5. The audit says that it was restored.
 """
 
 from __future__ import annotations
@@ -9,7 +19,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from itertools import count
 from pathlib import Path
@@ -17,10 +27,12 @@ from typing import NamedTuple
 
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import CONFIG, OUTSIDE, STATE, missing_in, name_in_backup
-from gateway.cli.restore.caution import give_to, give_to_owner_of, lock_all, note_past
-from gateway.config import Config, files_of, load, parse
+from gateway.config import Config, files_of, load, parse, rights_of
 from gateway.errors import ConfigError, DamagedError, StartError, StoreError
-from gateway.store import backup
+from gateway.plugins.sparkplug.numbers import BIRTHS, NUMBER
+from gateway.plugins.sparkplug.settings import SEQ_NUMBERS
+from gateway.starters import lock_restored
+from gateway.store import STATE_FILE, append_note, backup, read_document, write_document
 from gateway.system.clock import read_clocks
 from gateway.system.instance_lock import FILE, instance_lock, is_locked
 from gateway.system.whole_files import sync_file
@@ -31,11 +43,7 @@ STAGE = "restoring"  # a folder in the state directory
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Put back what a backup holds. The gateway must not run. Afterwards every starter that can be "
-        "locked is locked: what happened since the backup is not known."
-    )
+    """Add the command's arguments."""
     parser.add_argument("file", metavar="FILE", help="the backup")
     parser.add_argument("--to", metavar="DIR", help="put everything below this folder, not where it was")
     flag(parser, "--replace", about="replace what is there; it is set aside")
@@ -67,8 +75,8 @@ def _restore(archive: backup.Archive, to: Path | None, *, is_replacing: bool) ->
     with instance_lock(place.state_dir):
         if is_new or place.state_dir.stat().st_uid == 0:  # as root: whose the state was
             for stored in list(place.state.values())[:1]:
-                give_to(place.state_dir, *archive.rights(stored)[1:])
-        give_to_owner_of(place.state_dir, [place.state_dir / FILE])
+                _give_to(place.state_dir, *archive.rights(stored)[1:])
+        _give_to_owner_of(place.state_dir, [place.state_dir / FILE])
         stage, aside = place.state_dir / STAGE, place.state_dir / _unused_name(place)
         shutil.rmtree(stage, ignore_errors=True)  # of a restore that was cut short
         stage.mkdir(mode=0o700)
@@ -122,7 +130,7 @@ def _switch(place: _Place, stage: Path, old: list[Path], aside: Path) -> None:
         (place.state_dir / path).parent.mkdir(mode=0o700, exist_ok=True)
         (stage / path).replace(place.state_dir / path)
     own = {place.state_dir / each for path in new for each in (path, *path.parents)} - {place.state_dir}
-    give_to_owner_of(place.state_dir, [*own, *([aside, *aside.rglob("*")] if old else [])])
+    _give_to_owner_of(place.state_dir, [*own, *([aside, *aside.rglob("*")] if old else [])])
     for path in reversed(list(place.files)):
         _restored(path).replace(path)
         sync_file(path.parent)
@@ -181,13 +189,23 @@ def _place(archive: backup.Archive, to: Path | None) -> _Place:
 
 
 def _write_state(archive: backup.Archive, place: _Place, stage: Path) -> list[str]:
-    """Write the state as it is to be; return the starters that are locked in it."""
-    what, reading = f"restored from a backup of {archive.manifest.made}", read_clocks()
+    """Write the state as it is to be; return the starters that are locked in it. StoreError."""
+    what, path = f"restored from a backup of {archive.manifest.made}", stage / STATE_FILE
     for name, stored in sorted(place.state.items()):
         archive.extract(stored, stage / name)
     backup.upgrade(stage)
-    locked = lock_all(stage, place.config, reading, what)
-    note_past(stage, what)
+    locked = lock_restored(
+        path,
+        [starter.name for starter in place.config.starters],
+        is_lockable=rights_of(place.config).is_lockable,
+        reading=read_clocks(),
+        reason=f"{what}: locks and starts since then are not known; look, then unlock",
+    )
+    with suppress(DamagedError):
+        births = read_document(path, BIRTHS, NUMBER)
+        if births is not None:
+            write_document(path, BIRTHS, NUMBER, (births + SEQ_NUMBERS // 2) % SEQ_NUMBERS)
+    append_note(path, "state_restored", what)
     for folder in (stage, *(path for path in stage.rglob("*") if path.is_dir())):
         sync_file(folder)
     return locked
@@ -201,12 +219,28 @@ def _write_configured(archive: backup.Archive, place: _Place) -> None:
         archive.extract(stored, path)
         mode, user, group = archive.rights(stored)
         path.chmod(mode)
-        give_to(path, user, group)
+        _give_to(path, user, group)
         sync_file(path.parent)
 
 
 def _restored(path: Path) -> Path:
     return path.with_name(path.name + RESTORED)
+
+
+def _give_to_owner_of(folder: Path, paths: Iterable[Path]) -> None:
+    """As root, give files to the owner of a folder: the gateway's user must read and write them."""
+    if os.geteuid() == 0:
+        owner = folder.stat()
+        for path in paths:
+            os.chown(path, owner.st_uid, owner.st_gid, follow_symlinks=False)
+
+
+def _give_to(path: Path, user: str, group: str) -> None:
+    """As root, give a file to a user and a group by name, where this machine has them."""
+    if os.geteuid() == 0:
+        for names in ({"user": user}, {"group": group}):
+            with suppress(LookupError):
+                shutil.chown(path, **names)
 
 
 def _report(facts: backup.Manifest, place: _Place, locked: list[str]) -> None:

@@ -1,6 +1,8 @@
-"""`starter-gateway scan`: which starters are on a port, at which rate, framing and address; by reads only.
+"""Find and identify the starters on a port, and print a configuration for them. Only reads are sent, so it
+may be used while motors run; but a request, of whatever kind, starts the communication watchdog of a
+starter that has one, and the end of the scan lets it act.
 
-Prints a configuration for them that `check` accepts.
+`check` accepts the configuration.
 """
 
 from __future__ import annotations
@@ -38,12 +40,7 @@ _RANGE = re.compile(r"(\d+)(?:-(\d+))?")
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = (
-        "Find and identify the starters on a port, and print a configuration for them. Only reads"
-        " are sent, so it may be used while motors run; but a request, of whatever kind, starts the"
-        " communication watchdog of a starter that has one, and the end of the scan lets it act."
-    )
+    """Add the command's arguments."""
     parser.add_argument("port", metavar="PORT", help="/dev/... or socket://host:port; no gateway may hold it")
     for option, metavar, what, known in (
         ("--baud", "N,..", "rates", BAUDS),

@@ -1,4 +1,4 @@
-"""`starter-gateway watch`: the starters of one gateway or many as a live table, from MQTT alone."""
+"""Show the starters as a live table, from MQTT alone. q or Ctrl-C ends it."""
 
 from __future__ import annotations
 
@@ -21,8 +21,7 @@ ALL_GATEWAYS = "starters/+"
 
 
 def add_arguments(parser: argparse.ArgumentParser) -> None:
-    """Add the command's description and arguments."""
-    parser.description = "Show the starters as a live table, from MQTT alone. q or Ctrl-C ends it."
+    """Add the command's arguments."""
     parser.add_argument(
         "target", metavar="CONFIG|URL", help="a gateway's configuration, or a broker: mqtt://host[:port]"
     )

@@ -55,7 +55,7 @@ sst 9 configure R41=10                  | 05 00 00 00 00, 05 00 01 FF 00, 06 00 
 WRONG = """
 decode sst holding R19 2                | 2 | R19 is in the table input, not holding
 decode ssw07 input P003 1               | 2 | P003 is in the table holding, not input
-decode ssw07 discrete 0 1               | 2 | no table 'discrete' (holding, input or coil)
+decode ssw07 discrete 0 1               | 2 | argument TABLE: invalid choice: 'discrete'
 decode ssw07 holding x 1                | 2 | START 'x' is no number
 decode ssw07 holding 65536 1            | 2 | START 65536 is out of range (0..65535)
 decode ssw07 holding 0 65536            | 2 | WORD 65536 is out of range (0..65535)
