@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig import ScenarioRow, command, msg, never, play, result, retained, row, seen
+from tests.rig import command, msg, never, played, result, retained, row, scene, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, QUICK, SITES, SSW06, SSW07, SSW900
 
@@ -144,19 +144,16 @@ BY_FAMILY = [  # the words of a running motor, those of its trip, and the alarms
     ),
 ]
 TRIPS += [
-    row(
+    scene(
         f"{words}: its alarms, and one event",
-        given=SITES[words.split()[0]],
-        at={0: running, 5: words.split(", ")},
-        then={
-            8: [
-                of(name := words.split()[0], "fault", data={"alarm": min(alarms)}),
-                *(
-                    msg(f"starter/{name}/alarm/{code}", active=True, severity="fault", text=re.compile(text))
-                    for code, text in alarms.items()
-                ),
-            ]
-        },
+        SITES[words.split()[0]],
+        {0: running, 5: words.split(", ")},
+        8,
+        of(name := words.split()[0], "fault", data={"alarm": min(alarms)}),
+        *(
+            msg(f"starter/{name}/alarm/{code}", active=True, severity="fault", text=re.compile(text))
+            for code, text in alarms.items()
+        ),
     )
     for running, words, alarms in BY_FAMILY
 ]
@@ -198,6 +195,4 @@ ALARMS = [
 ]
 
 
-@pytest.mark.parametrize("row", MOTORS + TRIPS + ALARMS)
-def test_events(row: ScenarioRow) -> None:
-    play(row)
+test_events = played(MOTORS + TRIPS + ALARMS)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
-
-from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
+from tests.rig import RigPlant, command, event, frames, never, played, result, row, scene, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, SITES, SSW07, SSW900
 from tests.scenarios.values.words import answers, nothing_written, refuse_rows
@@ -67,15 +65,13 @@ ROWS = [
             ),
         },
     ),
-    row(
+    scene(
         "a starter that does not take its commands from the line is an event with its remedy",
-        given=SSW07,
+        SSW07,
+        {},
+        10,
+        event("readiness", EVENTS, severity="error", data={"would_refuse_start": True, "findings": ...}),
         sim={"pump": {"settings": {230: 0}}},
-        then={
-            10: event(
-                "readiness", EVENTS, severity="error", data={"would_refuse_start": True, "findings": ...}
-            ),
-        },
     ),
     row(
         "a setting changed at the keypad is found by the patrol, and the readiness is looked at again",
@@ -132,18 +128,13 @@ ROWS = [
         then={60: [check(name) for name in NAMES for check in (_is_said_once, nothing_written)]},
     ),
     *(
-        row(
+        scene(
             f"a watchdog set at the keypad is an event, and the readiness is looked at again ({name})",
-            given=SITES[name],
-            at={60: f"{name} {code} = 70"},
-            then={
-                500: [
-                    seen(
-                        f"starter/{name}/event", times=1, code="parameter_changed", data={"parameter": code}
-                    ),
-                    _readiness(name, times=2),
-                ]
-            },
+            SITES[name],
+            {60: f"{name} {code} = 70"},
+            500,
+            seen(f"starter/{name}/event", times=1, code="parameter_changed", data={"parameter": code}),
+            _readiness(name, times=2),
         )
         for name, code in (("fan", "P314"), ("mill", "C8.2.5.3"))
     ),
@@ -178,6 +169,4 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("row", ROWS)
-def test_settings(row: ScenarioRow) -> None:
-    play(row)
+test_settings = played(ROWS)
