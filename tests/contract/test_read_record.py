@@ -41,7 +41,7 @@ def test_a_time_that_is_not_known_stays_null() -> None:
         (b'"id":"1"', b'"id":1', "id"),
         (b'"text":""', b'"text":null', "text"),
         (b'"2026-11-21T01:02:03.456Z"', b'"yesterday"', "time"),
-        (b'"2026-11-21T01:02:03.456Z"', b"1795222923.456", "must be a text"),
+        (b'"2026-11-21T01:02:03.456Z"', b"1795222923.456", "must be an RFC 3339 time"),
     ],
 )
 def test_anything_else_is_no_record(old: bytes, new: bytes, why: str) -> None:

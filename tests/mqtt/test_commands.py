@@ -7,7 +7,7 @@ import json
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.contract import CommandRequest, Proof, Topics
+from gateway.contract import CommandRequest, Topics
 from gateway.mqtt.commands import Incoming, Received, command_in
 
 TOPICS = Topics("b")
@@ -72,7 +72,11 @@ def test_a_request_has_everything_that_the_message_says() -> None:
         correlation=b"42",
         expect={"state": "ready"},
         select="s",
-        proof=Proof(token="t", issued_s=1_795_222_923.0, boot="boot-1", ttl_s=9.0, is_early=True),
+        token="t",
+        issued_s=1_795_222_923.0,
+        boot="boot-1",
+        ttl_s=9.0,
+        is_early=True,
         expires_s=10.0,
     )
 

@@ -17,7 +17,15 @@ from typing import Any, Self
 from gateway.cli.broker import client_of, settings_of, user_name
 from gateway.cli.command import Progress, place_of
 from gateway.config import load
-from gateway.contract import CommandRequest, InfoRecord, Phase, Proof, ResultCode, ResultRecord, Topics
+from gateway.contract import (
+    DEFAULT_TTL_S,
+    CommandRequest,
+    InfoRecord,
+    Phase,
+    ResultCode,
+    ResultRecord,
+    Topics,
+)
 from gateway.errors import BrokerError
 from gateway.families import Profile, Variant
 from gateway.mqtt import BrokerSettings, CommandClient
@@ -74,7 +82,7 @@ class LiveStarter:
         verb: str,
         args: Mapping[str, Any],
         *,
-        proof: Proof | None = None,
+        ttl_s: float = DEFAULT_TTL_S,
         expect: Mapping[str, Any] | None = None,
     ) -> ResultRecord:
         """Return a command's final result; BrokerError when it was not sent, NoResultError without one."""
@@ -84,7 +92,7 @@ class LiveStarter:
             verb=verb,
             args=args,
             operator=user_name(),
-            proof=proof or Proof(),
+            ttl_s=ttl_s,
             expect=expect or {},
         )
         await asyncio.sleep(PACE_S)
@@ -101,7 +109,7 @@ class LiveStarter:
         waiting = deque(all_codes[at : at + ROWS_AT_ONCE] for at in range(0, len(all_codes), ROWS_AT_ONCE))
         while waiting:
             batch = waiting.popleft()
-            result = await self.command("read", {"parameters": batch}, proof=Proof(ttl_s=READ_TTL_S))
+            result = await self.command("read", {"parameters": batch}, ttl_s=READ_TTL_S)
             is_divided = result.phase is Phase.FAILED or result.code == ResultCode.EXPIRED
             if result.phase is Phase.CONFIRMED:
                 found.values |= result.values["values"]

@@ -19,7 +19,7 @@ from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.cli.report.html import to_html
 from gateway.cli.report.text import to_text
 from gateway.config import load
-from gateway.contract import InfoRecord, LineRecord, Record, Topics, ValueRecord
+from gateway.contract import InfoRecord, LineRecord, Record, Topics, ValueRecord, stored
 from gateway.errors import GatewayError
 from gateway.families import LANGUAGES
 from gateway.mqtt import BrokerSettings, CommandClient
@@ -81,5 +81,5 @@ async def _published(settings: BrokerSettings, topics: Topics, *, line: str, sta
     counters = [await asked(ValueRecord, starter=starter, point=point) for point in COUNTERS]
     values = {c.point: c.value for c in counters if c is not None and isinstance(c.value, int | float)}
     return PublishedFacts(
-        {} if statistics is None else statistics.data, {} if info is None else info.fields(), values
+        {} if statistics is None else statistics.data, {} if info is None else stored(info), values
     )

@@ -163,7 +163,7 @@ class CommandClient:
             "id": order.id,
             "issued_at": rfc3339(now_s),
             "args": order.args,
-            "ttl_s": order.proof.ttl_s,
+            "ttl_s": order.ttl_s,
             "operator": order.operator,
             "reason": order.reason,
             "expect": order.expect,
