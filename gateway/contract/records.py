@@ -13,7 +13,7 @@ from __future__ import annotations
 import enum
 import math
 import re
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from operator import not_
@@ -102,9 +102,8 @@ Samples = Annotated[Mapping[str, tuple[float | None, ...]], _described_by(StartS
 
 
 def _made_keys(kind: type[Record]) -> frozenset[str]:
-    """Return the keys of its JSON, but of what stands beside the other fields."""
-    keys = adapter_of(kind).json_schema(mode="serialization")["properties"]
-    return frozenset(keys) - {kind.BESIDE}
+    """Return the keys of its JSON, but of what is beside the other fields."""
+    return frozenset(adapter_of(kind).json_schema(mode="serialization")["properties"]) - {kind.BESIDE}
 
 
 _own_keys_of: Callable[[Any], frozenset[str]] = cache(_made_keys)
@@ -117,7 +116,7 @@ def _filled(template: str, *names: str) -> str:
 
 @cache
 def _pattern(template: str) -> re.Pattern[str]:
-    return re.compile(re.sub(r"{(\w+)}", rf"(?P<\1>{LEVEL})", template), re.ASCII)
+    return re.compile(re.sub(r"{(\w+)}", rf"(?P<\1>{LEVEL})", template))
 
 
 @dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
@@ -198,10 +197,9 @@ def read_stored(kind: type[T], data: Mapping[str, Any], **names: str) -> T:
     return found
 
 
-def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
-    """Return an object as `read_stored` reads it, but some of its fields; of a record its payload."""
-    serializer = adapter_of(type(thing)).serializer
-    fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
+def stored(thing: object) -> dict[str, Any]:
+    """Return an object as `read_stored` reads it; of a record the content of its payload."""
+    fields: dict[str, Any] = adapter_of(type(thing)).serializer.to_python(thing, by_alias=True)
     return fields
 
 
@@ -565,9 +563,7 @@ class HistoryRecord(StarterRecord, topic="starter/{starter}/history", retain=Fal
     """Values that could not be sent when they were new, at most 200 in a message, the oldest first."""
 
     boot: Annotated[str, says("the run that they were read in")]
-    items: Annotated[
-        Sequence[bytes], _described_by(list[HistoryItem]), says("the oldest first")
-    ]  # each as `history_item` made it
+    items: Annotated[Sequence[bytes], _described_by(list[HistoryItem]), says("the oldest first")]
 
     def payload(self) -> bytes:
         """Return the items, which are JSON already, as one JSON object."""
@@ -575,6 +571,6 @@ class HistoryRecord(StarterRecord, topic="starter/{starter}/history", retain=Fal
 
 
 def history_item(record: ValueRecord) -> bytes:
-    """Return what the history says of a value, as JSON."""
+    """Return a value as JSON, as it is one of the `items` of a history."""
     item = HistoryItem(record.point, record.value, record.quality, record.time_s, record.seq)
     return encoded(item, HistoryItem)

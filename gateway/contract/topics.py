@@ -9,8 +9,7 @@ if TYPE_CHECKING:
     from gateway.contract.records import Record
 
 LEVEL = r"[a-z0-9_-]+"
-_LEVEL = re.compile(LEVEL, re.ASCII)
-_NOT_IN_LEVEL = re.compile(r"[^a-z0-9_-]", re.ASCII)
+_NOT_IN_LEVEL = re.compile(r"[^a-z0-9_-]")
 
 
 class CommandAddress(NamedTuple):
@@ -28,7 +27,7 @@ class CommandAddress(NamedTuple):
 
 def is_level(text: str) -> bool:
     """Return whether `text` may stand as one level of a topic."""
-    return _LEVEL.fullmatch(text) is not None
+    return re.fullmatch(LEVEL, text) is not None
 
 
 def to_level(name: str) -> str:
@@ -43,9 +42,7 @@ class Topics:
     """
 
     def __init__(self, base: str) -> None:
-        for level in base.split("/"):
-            _checked(level)
-        self.base = base
+        self.base = "/".join(map(_checked, base.split("/")))
         self.command_filter = f"{base}/command/#"  # what is mistyped too: it is answered
         self._command_prefix = f"{base}/command/"
 

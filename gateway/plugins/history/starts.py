@@ -215,7 +215,7 @@ def _with(verdict: TrendVerdict, start: StartRecord) -> StartRecord:
 
 def _summary(start: StartRecord) -> Mapping[str, Any]:
     """Return what is stored of a start besides its curve."""
-    return stored(start, without={"samples"})
+    return {name: value for name, value in stored(start).items() if name != "samples"}
 
 
 def _stored_in(rows: Iterable[HistoryRow], name: str, kind: type[T], **names: str) -> list[T]:
