@@ -28,7 +28,6 @@ from gateway.contract.records import (
     ResultRecord,
     StartOutcome,
     StartRecord,
-    StartSource,
     StateRecord,
     StatusRecord,
     TripRecord,

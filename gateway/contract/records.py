@@ -10,7 +10,6 @@ of one run (`boot`). The reference and asyncapi.yaml are generated from these ty
 
 from __future__ import annotations
 
-import enum
 import math
 import re
 from collections.abc import Callable, Mapping, Sequence
@@ -66,6 +65,9 @@ Trust = Annotated[
 ]
 _WARNING = says("this text, a warning")
 Presence = Literal["online", "degraded", "offline", "disabled"]
+StartOutcome = Literal["full_voltage", "tripped", "stopped", "given_up"]  # full voltage: also bypass
+# Of a client of the gateway; of keypad or inputs, as the starter shows it; of another remote source.
+StartSource = Literal["command", "local", "remote", "unknown"]
 MqttVersion = Annotated[str | None, Field(json_schema_extra={"enum": ["5", "3.1.1", None]})]
 
 
@@ -363,29 +365,11 @@ class AuditRecord(Record, topic="audit", retain=False, is_droppable=True):
     boot: Boot = ""
 
 
-class StartOutcome(enum.StrEnum):
-    """How a start ended."""
-
-    FULL_VOLTAGE = "full_voltage"  # also bypass
-    TRIPPED = "tripped"
-    STOPPED = "stopped"
-    GIVEN_UP = "given_up"
-
-
-class StartSource(enum.StrEnum):
-    """Who gave a start."""
-
-    COMMAND = "command"  # a client of the gateway
-    LOCAL = "local"  # keypad or inputs, as the starter shows it
-    REMOTE = "remote"  # the serial line or another remote source, but not the gateway
-    UNKNOWN = "unknown"
-
-
 @dataclass(frozen=True, slots=True)
 class Cause:
     """Who gave a start."""
 
-    source: Annotated[StartSource, says("where it came from")] = StartSource.UNKNOWN
+    source: Annotated[StartSource, says("where it came from")] = "unknown"
     client: Annotated[str | None, _maybe("of a command through the gateway")] = None
     command_id: Annotated[str | None, _maybe("of a command through the gateway")] = None
 
