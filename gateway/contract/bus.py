@@ -27,7 +27,7 @@ class PublishEvent(Protocol):
 
 
 class RecordWriter:
-    """Numbers and dates what this run (`boot`) says, and passes it on to everyone; on the app's loop.
+    """Dates and numbers the records of this run (`boot`), and passes them on to everyone; on the app's loop.
 
     `put` never raises. The gateway has exactly one writer, whose numbers (`sequence`) go from 1 up.
 

@@ -72,7 +72,7 @@ def _fallback(value: Any) -> Any:
 
 
 def _require_plain(value: object, depth: int) -> None:
-    """Raise ValueError for what JSON texts of others may hold beyond values that every program can read."""
+    """Raise ValueError for a value that not every program can represent, or nested deeper than `depth`."""
     match value:
         case str() if _SURROGATE.search(value):  # half a pair, which an escape can write
             raise ValueError("a lone surrogate (\\ud800 to \\udfff) is no character")

@@ -66,7 +66,8 @@ Trust = Annotated[
 _WARNING = says("this text, a warning")
 Presence = Literal["online", "degraded", "offline", "disabled"]
 StartOutcome = Literal["full_voltage", "tripped", "stopped", "given_up"]  # full voltage: also bypass
-# Of a client of the gateway; of keypad or inputs, as the starter shows it; of another remote source.
+# Command: a client of the gateway. Local: the keypad or inputs, as the starter shows it. Remote: the serial
+# line or another remote source, but not the gateway.
 StartSource = Literal["command", "local", "remote", "unknown"]
 MqttVersion = Annotated[str | None, Field(json_schema_extra={"enum": ["5", "3.1.1", None]})]
 
@@ -555,6 +556,6 @@ class HistoryRecord(StarterRecord, topic="starter/{starter}/history", retain=Fal
 
 
 def history_item(record: ValueRecord) -> bytes:
-    """Return a value as JSON, as it is one of the `items` of a history."""
+    """Return a value as JSON, in the form of an item of the history."""
     item = HistoryItem(record.point, record.value, record.quality, record.time_s, record.seq)
     return encoded(item, HistoryItem)

@@ -70,9 +70,9 @@ class CommandBody:
     select: Annotated[_Id | None, says("token of a `select` before")] = None
 
     def as_request(self, starter: str, client: str, verb: str, **besides: Any) -> CommandRequest:
-        """Return the command that has this payload, and what else is known of it.
+        """Return the command that has this payload; `besides` are further fields of it.
 
-        Of a stop only who asks for it and why is taken: nothing else in a payload may hold it up.
+        A stop keeps only its id, operator and reason: nothing else in a payload may hold it up.
         """
         said = {name: getattr(self, name) for name in (_OF_STOP if verb == STOP else CommandBody.__slots__)}
         return CommandRequest(starter, client, verb, **{**said, **besides})

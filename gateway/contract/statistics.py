@@ -42,7 +42,7 @@ class _UartErrors(TypedDict):
     frame: Annotated[int, says("framing errors")]
     overrun: Annotated[int, says("overruns of the UART")]
     parity: Annotated[int, says("parity errors")]
-    break_: Annotated[int, says("breaks", alias="break")]
+    break_: Annotated[int, says("breaks", alias="break")]  # `break` is no name in a class
     buffer_overrun: Annotated[int, says("overruns of the driver's buffer")]
 
 

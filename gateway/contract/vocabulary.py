@@ -71,7 +71,7 @@ def rfc3339(time_s: float | None) -> str | None:
 
 
 def seconds_of(text: object) -> float:
-    """Return the seconds since 1970, UTC, of an RFC 3339 time with an offset; ValueError for all else."""
+    """Return the seconds since 1970, UTC, of an RFC 3339 time with an offset; else ValueError."""
     if not isinstance(text, str) or _INSTANT.fullmatch(text) is None:
         raise ValueError("must be an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
     return datetime.fromisoformat(text.upper()).timestamp()
