@@ -15,7 +15,7 @@ from secrets import token_hex
 from typing import Any
 
 from gateway.config import split_url
-from gateway.contract import CommandRequest, Proof, ResultRecord, Topics, is_level
+from gateway.contract import DEFAULT_TTL_S, CommandRequest, ResultRecord, Topics, is_level
 from gateway.errors import UsageError
 from gateway.mqtt import BrokerSettings, CommandClient, TlsSettings
 
@@ -79,7 +79,7 @@ class Client:
             operator=self._operator,
             reason=reason,
             id=id_,
-            proof=Proof() if ttl_s is None else Proof(ttl_s=ttl_s),
+            ttl_s=DEFAULT_TTL_S if ttl_s is None else ttl_s,
             expect=expect or {},
             select=select,
         )

@@ -19,7 +19,7 @@ from gateway.app.record_log import RecordLog, log_failure
 from gateway.app.site import Site
 from gateway.app.uplink import Uplink
 from gateway.config import policy_of, rights_of, setups_in, timing_of
-from gateway.contract import Latest, PublishEvent, RecordBus, RecordWriter
+from gateway.contract import Latest, PublishEvent, RecordWriter
 from gateway.line import LineHost
 from gateway.mqtt import Inbox, IncomingCommands
 from gateway.plugins.history.delivery import StoredRecords
@@ -43,14 +43,13 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     config = site.config
     starters_in, rights = setups_in(config), rights_of(config)
 
-    # Time, the run's tokens, and the bus that takes every record to all who want it.
+    # Time, the run's tokens, and the writer that takes every record to all who want it.
     clock = SystemClock()
     started_s = clock.utc_s()
     clock_watch = ClockWatch(config.gateway.clock, ask=io.is_clock_synchronised)
     suspend_watch = SuspendWatch(clock)
     tokens = Tokens(secrets.token_hex(8))
-    bus = RecordBus(log_failure)
-    records = RecordWriter(bus, clock, boot=tokens.run)
+    records = RecordWriter(clock, log_failure, boot=tokens.run)
     publish_event: PublishEvent = partial(records.event, "")  # of the gateway's own
     latest = Latest()
 
@@ -60,7 +59,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         boot=tokens.run,
         publish_event=publish_event,
     )
-    uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=bus, publish_event=publish_event)
+    uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=records, publish_event=publish_event)
     state.on_news = uplink.disk_sync.note_news
     state.commands.row_of = uplink.stage
     policy = Policy(
@@ -99,7 +98,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     health = Health(
         progress=host.progress,
         publisher=uplink.publisher,
-        sink=bus,
+        sink=records,
         notifier=notifier,
         watchdog_every_s=watchdog_every_s,
         lines_lag=host.lag,
@@ -161,7 +160,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     )
     plugins += [PluginRunner(name, site, gateway) for name in NAMES]
 
-    bus.connect(
+    records.connect(
         state.audit,  # it has a decision before any client can read of it
         policy,  # states: starts and standstills
         RecordLog(clock),

@@ -7,7 +7,7 @@ token (`boot`) follows the connection: the token of a lost one proves nothing an
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from concurrent.futures import Future
 from typing import Any
 
@@ -15,14 +15,12 @@ from gateway import __version__
 from gateway.app.site import Site
 from gateway.config import Config, broker_of, policy_of, rights_of
 from gateway.contract import (
-    LINE,
     EventCode,
     FreshRecord,
     GatewayRecord,
     PublishEvent,
     Record,
     ResultRecord,
-    RetainedTopic,
     Sink,
     StatusRecord,
     Topics,
@@ -255,10 +253,11 @@ class Uplink:
         elif not incoming.is_retained:
             on_message(incoming.payload)
 
-    def _is_configured(self, found: RetainedTopic) -> bool:
-        """Return whether the starter or line of a retained topic is in the present configuration."""
-        tables = self._config.lines if found.kind == LINE else self._config.starters
-        return any(table.name == found.name for table in tables)
+    def _is_configured(self, names: Mapping[str, str]) -> bool:
+        """Return whether the starter or line that a topic names is in the present configuration."""
+        line = names.get("line")
+        tables = self._config.starters if line is None else self._config.lines
+        return any(table.name == (line or names["starter"]) for table in tables)
 
     def _fresh(self) -> Message:
         """Return the proof of freshness of this moment, for the live connection only."""

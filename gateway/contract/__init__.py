@@ -3,7 +3,7 @@
 A record is its payload; `docs/reference` and asyncapi.yaml are generated from here.
 """
 
-from gateway.contract.bus import Latest, PublishEvent, RecordBus, RecordWriter, Sink
+from gateway.contract.bus import Latest, PublishEvent, RecordWriter, Sink
 from gateway.contract.events import Event, EventCode, event_of, phrase
 from gateway.contract.json_text import encoded, read_object
 from gateway.contract.records import (
@@ -28,7 +28,6 @@ from gateway.contract.records import (
     ResultRecord,
     StartOutcome,
     StartRecord,
-    StartSource,
     StateRecord,
     StatusRecord,
     TripRecord,
@@ -39,11 +38,11 @@ from gateway.contract.records import (
     stored,
 )
 from gateway.contract.request import (
+    DEFAULT_TTL_S,
     MAX_PAYLOAD_BYTES,
     MAX_TTL_S,
     CommandBody,
     CommandRequest,
-    Proof,
     read_body,
 )
 from gateway.contract.results import (
@@ -55,9 +54,7 @@ from gateway.contract.results import (
     meaning_of,
 )
 from gateway.contract.topics import (
-    LINE,
     CommandAddress,
-    RetainedTopic,
     Topics,
     is_level,
     shortened,

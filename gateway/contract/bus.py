@@ -1,15 +1,14 @@
-"""How records travel: a writer dates and numbers them, a bus passes them on, `Latest` has the newest."""
+"""How records travel: a writer dates, numbers and passes them on, `Latest` has the newest."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
-from functools import cache, partial
+from functools import cache
 from itertools import count, takewhile
 from typing import Any, Protocol
 
 from gateway.contract.events import Event, EventCode, event_of
-from gateway.contract.records import EventRecord, ForgetRecord, InfoRecord, Record
+from gateway.contract.records import EventRecord, ForgetRecord, Record
 from gateway.system.clock import Clock
 
 
@@ -27,40 +26,10 @@ class PublishEvent(Protocol):
         """Take a code with what `event_of` needs besides, or an event."""
 
 
-@dataclass(frozen=True, slots=True)
 class RecordWriter:
-    """Where records go, the clock that dates them, the run and the numbers that identify them.
+    """Dates and numbers the records of this run (`boot`), and passes them on to everyone; on the app's loop.
 
-    The gateway has exactly one `sequence`, from 1 up, used on the application's loop only.
-    """
-
-    sink: Sink
-    clock: Clock
-    sequence: Iterator[int] = field(default_factory=partial(count, 1))
-    boot: str = ""
-
-    def put(self, record: Record) -> None:
-        """Publish a record."""
-        self.sink.put(record)
-
-    def event(self, starter: str, event: EventCode | Event, case: str = "", /, **fields: Any) -> None:
-        """Publish an event that happens now, to a starter or (with an empty name) to the gateway."""
-        made = event if isinstance(event, Event) else event_of(event, case, **fields)
-        self.sink.put(self.dated(starter, made))
-
-    def dated(self, starter: str, event: Event, *, time_s: float | None = None) -> EventRecord:
-        """Return the record of an event that happened at `time_s`; None: now."""
-        return EventRecord(
-            starter=starter,
-            seq=next(self.sequence),
-            time_s=self.clock.utc_s() if time_s is None else time_s,
-            boot=self.boot,
-            **event._asdict(),
-        )
-
-
-class RecordBus:
-    """A sink for everyone who makes records; on the app's loop. Never raises.
+    `put` never raises. The gateway has exactly one writer, whose numbers (`sequence`) go from 1 up.
 
     1. A subscriber gets the kinds that it names in `takes`; one that names none gets every record.
     2. The order is the subscribers' order in `connect`; whatever was put before goes to them first.
@@ -70,7 +39,10 @@ class RecordBus:
        on.
     """
 
-    def __init__(self, on_failure: Callable[[Sink], None]) -> None:
+    def __init__(self, clock: Clock, on_failure: Callable[[Sink], None], *, boot: str = "") -> None:
+        self.clock = clock
+        self.boot = boot
+        self.sequence = count(1)
         self._on_failure = on_failure
         self._takers_of: Callable[[Any], tuple[Sink, ...]] | None = None  # by kind, once connected
         self._early: list[Record] = []  # put while the gateway was being built
@@ -82,9 +54,8 @@ class RecordBus:
             return tuple(each for each in subscribers if kind in getattr(each, "takes", (kind,)))
 
         self._takers_of = cache(takers_of)
-        early, self._early = self._early, []
-        for record in early:
-            self.put(record)
+        while self._early:
+            self.put(self._early.pop(0))
 
     def put(self, record: Record) -> None:
         """Pass one record on."""
@@ -96,6 +67,20 @@ class RecordBus:
                 subscriber.put(record)
             except Exception:  # noqa: BLE001 - one subscriber's bug is not the others'; it is logged
                 self._on_failure(subscriber)
+
+    def event(self, starter: str, event: EventCode | Event, case: str = "", /, **fields: Any) -> None:
+        """Publish an event that happens now, to a starter or (with an empty name) to the gateway."""
+        self.put(self.dated(starter, event if isinstance(event, Event) else event_of(event, case, **fields)))
+
+    def dated(self, starter: str, event: Event, *, time_s: float | None = None) -> EventRecord:
+        """Return the record of an event that happened at `time_s`; None: now."""
+        return EventRecord(
+            starter=starter,
+            seq=next(self.sequence),
+            time_s=self.clock.utc_s() if time_s is None else time_s,
+            boot=self.boot,
+            **event._asdict(),
+        )
 
 
 class Latest:
@@ -125,11 +110,6 @@ class Latest:
     def find(self, topic: str) -> Record | None:
         """Return the newest record of a topic below the base."""
         return self._newest.get(topic, (0, None))[1]
-
-    def records(self) -> Iterator[Record]:
-        """Yield all newest records, what a starter is before all else of it."""
-        known = [record for _, record in self._newest.values() if record is not None]
-        yield from sorted(known, key=lambda record: not isinstance(record, InfoRecord))
 
     def _set(self, topic: str, record: Record | None) -> None:
         self.number += 1

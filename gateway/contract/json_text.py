@@ -13,7 +13,7 @@ import math
 import re
 from collections.abc import Callable, Mapping
 from functools import cache
-from typing import Any, NoReturn
+from typing import Any
 
 from pydantic import TypeAdapter
 from pydantic_core import PydanticSerializationError
@@ -54,13 +54,7 @@ def read_object(payload: bytes) -> dict[str, Any]:
     if not text.strip():
         raise ValueError("empty payload")
     try:
-        value = json.loads(
-            text,
-            object_pairs_hook=_object,
-            parse_constant=_constant,
-            parse_int=_int,
-            parse_float=_float,
-        )
+        value = json.loads(text, object_pairs_hook=_object)
     except json.JSONDecodeError as error:
         rest = text[error.pos : error.pos + 20]
         why = repr(rest) if rest else "it ends too early"
@@ -78,14 +72,17 @@ def _fallback(value: Any) -> Any:
 
 
 def _require_plain(value: object, depth: int) -> None:
-    """Raise ValueError for more nesting than `depth`, or half a surrogate pair, which an escape can write."""
+    """Raise ValueError for a value that not every program can represent, or nested deeper than `depth`."""
     match value:
-        case str():
-            if _SURROGATE.search(value):
-                raise ValueError("a lone surrogate (\\ud800 to \\udfff) is no character")
+        case str() if _SURROGATE.search(value):  # half a pair, which an escape can write
+            raise ValueError("a lone surrogate (\\ud800 to \\udfff) is no character")
+        case int() if abs(value) >= 10**MAX_INT_DIGITS:
+            raise ValueError(f"a whole number has more than {MAX_INT_DIGITS} digits")
+        case float() if not math.isfinite(value):
+            raise ValueError("a number is NaN or too large")
+        case dict() | list() if not depth:
+            raise ValueError(_TOO_DEEP)
         case dict() | list():
-            if not depth:
-                raise ValueError(_TOO_DEEP)
             for item in (*value, *value.values()) if isinstance(value, dict) else value:
                 _require_plain(item, depth - 1)
 
@@ -95,20 +92,3 @@ def _object(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
     if len(seen) != len(pairs):
         raise ValueError("a key stands twice in one object")
     return seen
-
-
-def _constant(name: str) -> NoReturn:
-    raise ValueError(f"{name} is not JSON")
-
-
-def _int(text: str) -> int:
-    if len(text.lstrip("-")) > MAX_INT_DIGITS:
-        raise ValueError(f"a whole number has more than {MAX_INT_DIGITS} digits")
-    return int(text)
-
-
-def _float(text: str) -> float:
-    value = float(text)
-    if not math.isfinite(value):
-        raise ValueError("a number is too large")
-    return value

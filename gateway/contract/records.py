@@ -1,8 +1,8 @@
 """Records: everything that the gateway says, each a type that is its own payload.
 
-The fields of a record, in this order, are the keys of its JSON, but those that stand in the topic.
-`TOPIC`, `QOS` and `RETAIN` say how it is published: a retained message is the newest of its topic, any other
-is sent in order until the broker has acknowledged it, and a full outbox drops the `IS_DROPPABLE` ones first.
+The fields of a record, in this order, are the keys of its JSON, except those in the topic. The header of its
+class says how it is published: a retained message is the newest of its topic, any other is sent in order
+until the broker has acknowledged it, and a full outbox drops the droppable ones first.
 
 Times are seconds since 1970, UTC; in JSON RFC 3339 with milliseconds. `seq` identifies and orders the records
 of one run (`boot`). The reference and asyncapi.yaml are generated from these types.
@@ -10,14 +10,13 @@ of one run (`boot`). The reference and asyncapi.yaml are generated from these ty
 
 from __future__ import annotations
 
-import enum
 import math
-from collections.abc import Callable, Collection, Mapping, Sequence
+import re
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from datetime import datetime
 from functools import cache
 from operator import not_
-from typing import Annotated, Any, ClassVar, Literal, TypeVar
+from typing import Annotated, Any, ClassVar, Literal, TypeVar, dataclass_transform
 
 from pydantic import BeforeValidator, Field, PlainSerializer
 
@@ -25,7 +24,7 @@ from gateway.contract.events import EventCode
 from gateway.contract.json_text import adapter_of, encoded, read_object
 from gateway.contract.results import meaning_of
 from gateway.contract.statistics import LineStatistics
-from gateway.contract.topics import to_level
+from gateway.contract.topics import LEVEL, to_level
 from gateway.contract.values import PointInfo, ResultValues, StartSamples, says
 from gateway.contract.vocabulary import (
     CONTRACT_VERSION,
@@ -35,6 +34,7 @@ from gateway.contract.vocabulary import (
     Severity,
     StarterState,
     rfc3339,
+    seconds_of,
 )
 from gateway.contract.wording import names_in
 
@@ -46,11 +46,7 @@ InTopic = Annotated[str, Field(exclude=True)]
 
 
 def _seconds(time: object) -> float:
-    if time is None:
-        return math.nan
-    if not isinstance(time, str):
-        raise ValueError("must be a text")  # noqa: TRY004 - as pydantic reports it
-    return datetime.fromisoformat(time).timestamp()
+    return math.nan if time is None else seconds_of(time)
 
 
 _Text = Annotated[str, Field(pattern=r"^\d{4}-\d\d-\d\dT\d\d:\d\d:\d\d\.\d{3}Z$")]
@@ -67,18 +63,18 @@ Trust = Annotated[
         "good: just read; stale: the last good value, with its own time; bad: never read, refused, impossible"
     ),
 ]
-
-
+_WARNING = says("this text, a warning")
 Presence = Literal["online", "degraded", "offline", "disabled"]
-
-
-def _is_absent(value: object) -> bool:
-    return value is None or value == ""
+StartOutcome = Literal["full_voltage", "tripped", "stopped", "given_up"]  # full voltage: also bypass
+# Command: a client of the gateway. Local: the keypad or inputs, as the starter shows it. Remote: the serial
+# line or another remote source, but not the gateway.
+StartSource = Literal["command", "local", "remote", "unknown"]
+MqttVersion = Annotated[str | None, Field(json_schema_extra={"enum": ["5", "3.1.1", None]})]
 
 
 def _maybe(description: str) -> Any:
     """Describe a field that is absent from the JSON where it says nothing."""
-    return says(description, exclude_if=_is_absent)
+    return says(description, exclude_if=lambda value: value is None or value == "")
 
 
 def _if_any(description: str) -> Any:
@@ -105,12 +101,12 @@ def _empty() -> Any:
 
 
 Measured = Annotated[float, _rounded(4)]
+Samples = Annotated[Mapping[str, tuple[float | None, ...]], _described_by(StartSamples)]
 
 
 def _made_keys(kind: type[Record]) -> frozenset[str]:
-    """Return the keys of its JSON, but of what stands beside the other fields."""
-    keys = adapter_of(kind).json_schema(mode="serialization")["properties"]
-    return frozenset(keys) - {kind.BESIDE}
+    """Return the keys of its JSON, but of what is beside the other fields."""
+    return frozenset(adapter_of(kind).json_schema(mode="serialization")["properties"]) - {kind.BESIDE}
 
 
 _own_keys_of: Callable[[Any], frozenset[str]] = cache(_made_keys)
@@ -121,19 +117,38 @@ def _filled(template: str, *names: str) -> str:
     return template.format_map(dict(zip(names_in(template), map(to_level, names), strict=True)))
 
 
-class Record:
-    """One thing that the gateway says; its payload is its fields."""
+@cache
+def _pattern(template: str) -> re.Pattern[str]:
+    return re.compile(re.sub(r"{(\w+)}", rf"(?P<\1>{LEVEL})", template))
 
-    __slots__ = ()
+
+@dataclass_transform(frozen_default=True, kw_only_default=True, field_specifiers=(field,))
+class Record:
+    """One thing that the gateway says; its payload is its fields. Every kind is a frozen dataclass."""
+
     TOPIC: ClassVar[str]  # below the base, with the names of fields
-    QOS: ClassVar[int] = 1
-    RETAIN: ClassVar[bool] = True
-    IS_DROPPABLE: ClassVar[bool] = False  # before others, where it is not retained
-    BESIDE: ClassVar[str] = ""  # the field whose items stand beside the other fields in the JSON
+    QOS: ClassVar[int]
+    RETAIN: ClassVar[bool]
+    IS_DROPPABLE: ClassVar[bool]  # before others, where it is not retained
+    BESIDE: ClassVar[str]  # the field whose items stand beside the other fields in the JSON
+
+    def __init_subclass__(
+        cls,
+        topic: str = "",
+        *,
+        qos: int = 1,
+        retain: bool = True,
+        is_droppable: bool = False,
+        beside: str = "",
+    ) -> None:
+        """Take from the header of a class how its records are published."""
+        cls.TOPIC, cls.QOS, cls.RETAIN = topic, qos, retain
+        cls.IS_DROPPABLE, cls.BESIDE = is_droppable, beside
+        dataclass(frozen=True, kw_only=True)(cls)
 
     @property
     def topic(self) -> str:
-        """Return the topic below the base; what no level may hold has become `_`."""
+        """Return the topic below the base; a character that no level may have is `_` there."""
         return _filled(self.TOPIC, *(getattr(self, name) for name in names_in(self.TOPIC)))
 
     @classmethod
@@ -141,14 +156,16 @@ class Record:
         """Return the topic of such a record below the base."""
         return _filled(cls.TOPIC, *(names[name] for name in names_in(cls.TOPIC)))
 
+    @classmethod
+    def names_of(cls, topic: str) -> dict[str, str] | None:
+        """Return the names in a topic below the base; None where such a record has another topic."""
+        found = _pattern(cls.TOPIC).fullmatch(topic)
+        return None if found is None else found.groupdict()
+
     @property
     def key(self) -> str:
         """Return what names a record that must be published exactly once; empty for any other."""
         return ""
-
-    def fields(self) -> dict[str, Any]:
-        """Return what the payload says, by its keys."""
-        return stored(self)
 
     def payload(self) -> bytes:
         """Return the record as JSON."""
@@ -158,6 +175,12 @@ class Record:
         own = _own_keys_of(type(self))  # which cannot be overwritten
         added = encoded({key: value for key, value in getattr(self, self.BESIDE).items() if key not in own})
         return b"{%b}" % b",".join(filter(None, (payload[1:-1], added[1:-1])))
+
+
+class StarterRecord(Record):
+    """A record of one starter, whose name is in its topic."""
+
+    starter: InTopic
 
 
 def read_record(kind: type[R], payload: bytes, **names: str) -> R:
@@ -177,19 +200,15 @@ def read_stored(kind: type[T], data: Mapping[str, Any], **names: str) -> T:
     return found
 
 
-def stored(thing: object, *, without: Collection[str] = ()) -> dict[str, Any]:
-    """Return an object as `read_stored` reads it, but some of its fields."""
-    serializer = adapter_of(type(thing)).serializer
-    fields: dict[str, Any] = serializer.to_python(thing, by_alias=True, exclude=set(without))
+def stored(thing: object) -> dict[str, Any]:
+    """Return an object as `read_stored` reads it; of a record the content of its payload."""
+    fields: dict[str, Any] = adapter_of(type(thing)).serializer.to_python(thing, by_alias=True)
     return fields
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ValueRecord(Record):
+class ValueRecord(StarterRecord, topic="starter/{starter}/value/{point}"):
     """The value of one point; on change, and again after `mqtt.refresh_s`."""
 
-    TOPIC = "starter/{starter}/value/{point}"
-    starter: InTopic
     point: InTopic
     value: Annotated[bool | int | float | str | None, says("in `unit`; null: not known")]
     unit: Annotated[str, says("its unit; empty for none")]
@@ -209,18 +228,12 @@ class LockRecord:
     operator: Annotated[str | None, says("who that client says it acts for, a claim")] = None
     since_s: Annotated[Time, says("when it was set", alias="since")]
     reason: Annotated[str, says("why")]
-    notice: Annotated[Literal["replaces no physical lock"], says("this text, a warning")] = (
-        "replaces no physical lock"
-    )
+    notice: Annotated[Literal["replaces no physical lock"], _WARNING] = "replaces no physical lock"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StateRecord(Record):
+class StateRecord(StarterRecord, topic="starter/{starter}/state", beside="flags"):
     """What a starter does, at once on change, else every 30 s."""
 
-    TOPIC = "starter/{starter}/state"
-    BESIDE = "flags"
-    starter: InTopic
     state: Annotated[StarterState, says("the one word for it")]
     quality: Trust
     time_s: Annotated[PossibleTime, says("when the oldest of its readings left the wire", alias="time")]
@@ -236,23 +249,17 @@ class StateRecord(Record):
     ] = _empty()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AvailabilityRecord(Record):
+class AvailabilityRecord(StarterRecord, topic="starter/{starter}/availability"):
     """Whether a starter answers."""
 
-    TOPIC = "starter/{starter}/availability"
-    starter: InTopic
     state: Annotated[Presence, says("degraded: a part is not read; disabled: it is not asked")]
     since_s: Annotated[Time, says("since when", alias="since")]
     reason: Annotated[str | None, says("why it is not online")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AlarmRecord(Record):
+class AlarmRecord(StarterRecord, topic="starter/{starter}/alarm/{code}"):
     """A fault or alarm that is or was active since the gateway's start."""
 
-    TOPIC = "starter/{starter}/alarm/{code}"
-    starter: InTopic
     code: InTopic
     is_active: Annotated[bool, says("whether it is active", alias="active")]
     severity: Annotated[Literal["fault", "alarm"], says("a fault trips the motor")]
@@ -264,12 +271,9 @@ class AlarmRecord(Record):
     boot: Boot = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class InfoRecord(Record):
+class InfoRecord(StarterRecord, topic="starter/{starter}/info"):
     """What a starter is: everything but its values."""
 
-    TOPIC = "starter/{starter}/info"
-    starter: InTopic
     family: Annotated[str, says("its family")]
     model: Annotated[str | None, says("its model")]
     firmware: Annotated[str | None, says("its firmware")]
@@ -281,21 +285,14 @@ class InfoRecord(Record):
     accessories: Annotated[tuple[str, ...] | None, says("SSW900: the kinds in slots 1 and 2")] = None
     line: Annotated[str, says("the line that it is on")]
     address: Annotated[int, says("its Modbus address, 1 to 247")]
-    points: Annotated[
-        Mapping[str, Mapping[str, Any]], _described_by(Mapping[str, PointInfo]), says("by name")
-    ]
+    points: Annotated[Mapping[str, Row], _described_by(Mapping[str, PointInfo]), says("by name")]
     commands: Annotated[tuple[str, ...], says("the verbs that it has")]
     title: Annotated[str | None, _maybe("its name for people, where the configuration gives one")] = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class EventRecord(Record):
+class EventRecord(StarterRecord, topic="starter/{starter}/event", retain=False, is_droppable=True):
     """Something that happened once, to a starter or to the gateway."""
 
-    TOPIC = "starter/{starter}/event"
-    RETAIN = False
-    IS_DROPPABLE = True
-    starter: InTopic
     seq: Seq
     time_s: Annotated[Time, says("when it happened", alias="time")]
     boot: Boot = ""
@@ -307,17 +304,12 @@ class EventRecord(Record):
     @property
     def topic(self) -> str:
         """Return the topic below the base."""
-        return _filled(self.TOPIC, self.starter) if self.starter else "gateway/event"
+        return super().topic if self.starter else "gateway/event"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResultRecord(Record):
+class ResultRecord(StarterRecord, topic="result/{starter}/{client}", retain=False, beside="values"):
     """Each phase of a command; exactly one final result ends it."""
 
-    TOPIC = "result/{starter}/{client}"
-    RETAIN = False
-    BESIDE = "values"
-    starter: InTopic
     client: InTopic
     id: Annotated[str | None, says("of the command")]
     verb: Annotated[str, says("of the command")]
@@ -354,13 +346,9 @@ class ResultRecord(Record):
         return f"{self.client}/{self.id}" if is_sole and self.id else ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AuditRecord(Record):
+class AuditRecord(Record, topic="audit", retain=False, is_droppable=True):
     """Every decision about a command."""
 
-    TOPIC = "audit"
-    RETAIN = False
-    IS_DROPPABLE = True
     seq: Seq
     time_s: Annotated[Time, says("when", alias="time")]
     starter: Annotated[str, says("the starter")]
@@ -378,29 +366,11 @@ class AuditRecord(Record):
     boot: Boot = ""
 
 
-class StartOutcome(enum.StrEnum):
-    """How a start ended."""
-
-    FULL_VOLTAGE = "full_voltage"  # also bypass
-    TRIPPED = "tripped"
-    STOPPED = "stopped"
-    GIVEN_UP = "given_up"
-
-
-class StartSource(enum.StrEnum):
-    """Who gave a start."""
-
-    COMMAND = "command"  # a client of the gateway
-    LOCAL = "local"  # keypad or inputs, as the starter shows it
-    REMOTE = "remote"  # the serial line or another remote source, but not the gateway
-    UNKNOWN = "unknown"
-
-
 @dataclass(frozen=True, slots=True)
 class Cause:
     """Who gave a start."""
 
-    source: Annotated[StartSource, says("where it came from")] = StartSource.UNKNOWN
+    source: Annotated[StartSource, says("where it came from")] = "unknown"
     client: Annotated[str | None, _maybe("of a command through the gateway")] = None
     command_id: Annotated[str | None, _maybe("of a command through the gateway")] = None
 
@@ -414,11 +384,9 @@ class QuantityChange:
     change_pct: Annotated[float, _rounded(1), says("by how much it has changed, %")]
 
 
-class _StoredRecord(Record):
+class _StoredRecord(StarterRecord):
     """A record that is stored until the broker has it, by the `id` of what a starter did."""
 
-    __slots__ = ()
-    starter: str
     id: str
 
     @property
@@ -427,14 +395,9 @@ class _StoredRecord(Record):
         return f"{self.starter}:{self.TOPIC.rpartition('/')[2]}/{self.id}"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StartRecord(_StoredRecord):
+class StartRecord(_StoredRecord, topic="starter/{starter}/start", retain=False, is_droppable=True):
     """One start of a motor with its samples, once it is over; after a kill perhaps once more, by its `id`."""
 
-    TOPIC = "starter/{starter}/start"
-    RETAIN = False
-    IS_DROPPABLE = True
-    starter: InTopic
     id: Annotated[str, says("names the start")]
     time_s: Annotated[Time, says("when the motor began to accelerate", alias="time")]
     boot: Boot
@@ -458,11 +421,9 @@ class StartRecord(_StoredRecord):
     drift: Annotated[
         Mapping[str, QuantityChange], _if_any("the last starts and the baseline, by quantity")
     ] = _empty()
-    samples: Annotated[
-        Mapping[str, tuple[float | None, ...]],
-        _described_by(StartSamples),
-        says("columns of the same length; null where a reply did not hold it"),
-    ] = _empty()
+    samples: Annotated[Samples, says("columns of the same length; null where a reply did not hold it")] = (
+        _empty()
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -477,13 +438,9 @@ class ReadingTable:
     constant: Annotated[Mapping[str, Number], says("points that did not change, by point")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class TripRecord(_StoredRecord):
+class TripRecord(_StoredRecord, topic="starter/{starter}/trip", retain=False):
     """One trip: what was read before it, and what the starter says of it."""
 
-    TOPIC = "starter/{starter}/trip"
-    RETAIN = False
-    starter: InTopic
     id: Annotated[str, says("names the trip")]
     time_s: Annotated[PossibleTime, says("the first reading that showed it", alias="time")]
     boot: Boot
@@ -497,23 +454,16 @@ class TripRecord(_StoredRecord):
     thinned: Annotated[str, _maybe("what was left out, for at most 16 KB")] = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LineRecord(Record):
+class LineRecord(Record, topic="gateway/line/{line}", qos=0, beside="data"):
     """The statistics of a line, every 30 s and on change."""
 
-    TOPIC = "gateway/line/{line}"
-    QOS = 0
-    BESIDE = "data"
     line: InTopic
     data: Annotated[Mapping[str, Any], _described_by(LineStatistics), _beside("all counters and times")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutboxRecord(Record):
+class OutboxRecord(Record, topic="gateway/outbox", qos=0):
     """What waits for the broker, every 30 s and on loss."""
 
-    TOPIC = "gateway/outbox"
-    QOS = 0
     depth: Annotated[int, says("messages that wait")]
     oldest_s: Annotated[float, says("age of the oldest, s")]
     bytes: Annotated[int, says("size of what waits, B")]
@@ -522,11 +472,9 @@ class OutboxRecord(Record):
     reconnects: Annotated[int, says("connections after the first")]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StatusRecord(Record):
+class StatusRecord(Record, topic="gateway/status"):
     """Whether the gateway works. `offline` is also the will, whose times are null."""
 
-    TOPIC = "gateway/status"
     state: Annotated[GatewayState, says("its state")]
     time_s: Annotated[PossibleTime, says("when this was published", alias="time")]
     boot: Annotated[str, says("names this connection; a command that carries another one is refused")]
@@ -535,12 +483,9 @@ class StatusRecord(Record):
     run: Boot
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class FreshRecord(Record):
+class FreshRecord(Record, topic="gateway/fresh", qos=0):
     """Every second, and with each stop: the proof of freshness that a command echoes."""
 
-    TOPIC = "gateway/fresh"
-    QOS = 0
     token: Annotated[str, says("for the `token` of a command")]
     time_s: Annotated[Time, says("when it was issued", alias="time")]
 
@@ -555,25 +500,18 @@ class Operator:
     freshness: Annotated[Literal["token", "issued_at"], says("what proves its commands fresh")] = "token"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GatewayRecord(Record):
+class GatewayRecord(Record, topic="gateway/info"):
     """What this gateway is."""
 
-    TOPIC = "gateway/info"
     product: Annotated[Literal["starter-gateway"], says("this text")] = "starter-gateway"
     version: Annotated[str, says("its version")]
     contract: Annotated[int, says("version of what this page describes")] = CONTRACT_VERSION
     boot: Boot
-    mqtt_version: Annotated[
-        str | None,
-        says("of the connection; null before the first", json_schema_extra={"enum": ["5", "3.1.1", None]}),
-    ] = None
+    mqtt_version: Annotated[MqttVersion, says("of the connection; null before the first")] = None
     starters: Annotated[tuple[str, ...], says("names")]
     lines: Annotated[tuple[str, ...], says("names")]
     operators: Annotated[tuple[Operator, ...], says("who may do what")]
-    notice: Annotated[Literal["not a safety function"], says("this text, a warning")] = (
-        "not a safety function"
-    )
+    notice: Annotated[Literal["not a safety function"], _WARNING] = "not a safety function"
     groups: Annotated[Mapping[str, tuple[str, ...]], _if_any("members of each group, by its name")] = _empty()
     line_titles: Annotated[
         Mapping[str, str], _if_any("names for people, of the lines that have one, by name")
@@ -583,12 +521,9 @@ class GatewayRecord(Record):
     ] = _empty()
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ForgetRecord(Record):
+class ForgetRecord(Record, retain=False):
     """Not published: starters and lines that are gone or replaced, of which nothing stays retained."""
 
-    TOPIC = ""
-    RETAIN = False
     starters: tuple[str, ...] = ()
     lines: tuple[str, ...] = ()
 
@@ -598,7 +533,7 @@ class ForgetRecord(Record):
         return topic.startswith(branches) or topic in [LineRecord.topic_of(line=name) for name in self.lines]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, slots=True)
 class HistoryItem:
     """A value that could not be sent when it was new."""
 
@@ -609,18 +544,11 @@ class HistoryItem:
     seq: Seq
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class HistoryRecord(Record):
+class HistoryRecord(StarterRecord, topic="starter/{starter}/history", retain=False, is_droppable=True):
     """Values that could not be sent when they were new, at most 200 in a message, the oldest first."""
 
-    TOPIC = "starter/{starter}/history"
-    RETAIN = False
-    IS_DROPPABLE = True
-    starter: InTopic
     boot: Annotated[str, says("the run that they were read in")]
-    items: Annotated[
-        Sequence[bytes], _described_by(list[HistoryItem]), says("the oldest first")
-    ]  # each as `history_item` made it
+    items: Annotated[Sequence[bytes], _described_by(list[HistoryItem]), says("the oldest first")]
 
     def payload(self) -> bytes:
         """Return the items, which are JSON already, as one JSON object."""
@@ -628,12 +556,6 @@ class HistoryRecord(Record):
 
 
 def history_item(record: ValueRecord) -> bytes:
-    """Return what the history says of a value, as JSON."""
-    item = HistoryItem(
-        point=record.point,
-        value=record.value,
-        quality=record.quality,
-        time_s=record.time_s,
-        seq=record.seq,
-    )
+    """Return a value as JSON, in the form of an item of the history."""
+    item = HistoryItem(record.point, record.value, record.quality, record.time_s, record.seq)
     return encoded(item, HistoryItem)

@@ -91,14 +91,5 @@ class CommandError(GatewayError):
 
     def __init__(self, code: ResultCode | Reason, case: str = "", /, **fields: object) -> None:
         self.reason = code if isinstance(code, Reason) else Reason(code, case, **fields)
+        self.code, self.text = self.reason.code, self.reason.text
         super().__init__(f"{self.code}: {self.text}")
-
-    @property
-    def code(self) -> str:
-        """Return the word of the closed list."""
-        return self.reason.code
-
-    @property
-    def text(self) -> str:
-        """Return the reason in words."""
-        return self.reason.text

@@ -38,16 +38,12 @@ class _Watchdogs(TypedDict):
     unit: Annotated[int, says("the address that had this longest pause")]
 
 
-_UartErrors = TypedDict(  # `break` is no name of a field in a class
-    "_UartErrors",
-    {
-        "frame": Annotated[int, says("framing errors")],
-        "overrun": Annotated[int, says("overruns of the UART")],
-        "parity": Annotated[int, says("parity errors")],
-        "break": Annotated[int, says("breaks")],
-        "buffer_overrun": Annotated[int, says("overruns of the driver's buffer")],
-    },
-)
+class _UartErrors(TypedDict):
+    frame: Annotated[int, says("framing errors")]
+    overrun: Annotated[int, says("overruns of the UART")]
+    parity: Annotated[int, says("parity errors")]
+    break_: Annotated[int, says("breaks", alias="break")]  # `break` is no name in a class
+    buffer_overrun: Annotated[int, says("overruns of the driver's buffer")]
 
 
 class _StopLatency(TypedDict):

@@ -1,7 +1,4 @@
-"""The levels of topics, and the topics that are read: commands, and what earlier runs left retained.
-
-The topics that are written stand with their records.
-"""
+"""The levels of topics, and the topics of commands; those of records are declared with the records."""
 
 from __future__ import annotations
 
@@ -12,9 +9,7 @@ if TYPE_CHECKING:
     from gateway.contract.records import Record
 
 LEVEL = r"[a-z0-9_-]+"
-_LEVEL = re.compile(LEVEL, re.ASCII)
-_NOT_IN_LEVEL = re.compile(r"[^a-z0-9_-]", re.ASCII)
-LINE = "line"
+_NOT_IN_LEVEL = re.compile(r"[^a-z0-9_-]")
 
 
 class CommandAddress(NamedTuple):
@@ -30,16 +25,9 @@ class CommandAddress(NamedTuple):
     text: str = ""  # what is wrong with it, and what would be right
 
 
-class RetainedTopic(NamedTuple):
-    """A retained topic of a starter or a line."""
-
-    kind: str  # info, availability, state, value, alarm; or LINE
-    name: str  # of the starter or the line
-
-
 def is_level(text: str) -> bool:
     """Return whether `text` may stand as one level of a topic."""
-    return _LEVEL.fullmatch(text) is not None
+    return re.fullmatch(LEVEL, text) is not None
 
 
 def to_level(name: str) -> str:
@@ -54,13 +42,9 @@ class Topics:
     """
 
     def __init__(self, base: str) -> None:
-        for level in base.split("/"):
-            _checked(level)
-        self.base = base
+        self.base = "/".join(map(_checked, base.split("/")))
         self.command_filter = f"{base}/command/#"  # what is mistyped too: it is answered
         self._command_prefix = f"{base}/command/"
-        starter = f"starter/({LEVEL})/(?:(value|alarm)/{LEVEL}|(info|availability|state))"
-        self._retained = re.compile(f"{re.escape(base)}/(?:gateway/line/({LEVEL})|{starter})", re.ASCII)
 
     def of(self, kind: type[Record], **names: str) -> str:
         """Return the topic of a record of this kind, of this starter, line, point, code or client."""
@@ -69,14 +53,6 @@ class Topics:
     def command(self, starter: str, client: str, verb: str) -> str:
         """Return the topic on which `client` gives a starter a command."""
         return f"{self._command_prefix}{_checked(starter)}/{_checked(client)}/{_checked(verb)}"
-
-    def parse_retained(self, topic: str) -> RetainedTopic | None:
-        """Return what a retained topic is about; None for one that no starter and no line has."""
-        found = self._retained.fullmatch(topic)
-        if found is None:
-            return None
-        line, starter, branch, leaf = found.groups()
-        return RetainedTopic(LINE, line) if line else RetainedTopic(leaf or branch, starter)
 
     def parse_command(self, topic: str) -> CommandAddress | None:
         """Return what a command's topic says, or what is wrong with it; None for any other topic."""

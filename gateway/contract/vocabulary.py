@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import enum
 import math
+import re
 from datetime import UTC, datetime
 from functools import lru_cache
 from typing import Literal
@@ -16,6 +17,10 @@ READ = "read"  # it writes nothing
 STOP = "stop"  # judged, written and stored before everything else, or without it
 OWN_VERBS = (SELECT, CANCEL, LOCK, UNLOCK, ACCEPT, BASELINE)  # of every family: they concern the gateway
 
+
+_INSTANT = re.compile(  # RFC 3339 5.6
+    r"\d{4}-\d\d-\d\d[Tt ]\d\d:\d\d:\d\d(\.\d{1,9})?([Zz]|[+-]\d\d:\d\d)", re.ASCII
+)
 
 StarterState = Literal["ready", "starting", "running", "stopping", "fault", "not_ready", "unknown"]
 GatewayState = Literal["starting", "online", "degraded", "offline"]
@@ -63,3 +68,10 @@ def rfc3339(time_s: float | None) -> str | None:
     except (ValueError, OverflowError, OSError):
         return None
     return moment.replace(tzinfo=None).isoformat(timespec="milliseconds") + "Z"
+
+
+def seconds_of(text: object) -> float:
+    """Return the seconds since 1970, UTC, of an RFC 3339 time with an offset; else ValueError."""
+    if not isinstance(text, str) or _INSTANT.fullmatch(text) is None:
+        raise ValueError("must be an RFC 3339 time with an offset, such as 2026-11-21T01:02:03Z")
+    return datetime.fromisoformat(text.upper()).timestamp()

@@ -7,9 +7,14 @@ from collections.abc import KeysView, Mapping
 from functools import cache
 from importlib.resources import files
 from string import Formatter
-from typing import Any
+from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, field_validator
+from pydantic import BaseModel, BeforeValidator, ConfigDict
+
+
+def _by_case(texts: object) -> object:
+    """Return templates by their case; one template alone has the case ""."""
+    return {"": texts} if isinstance(texts, str) else texts
 
 
 class Meaning(BaseModel):
@@ -20,12 +25,7 @@ class Meaning(BaseModel):
     group: str  # its title
     sentence: str
     remedy: str
-    texts: Mapping[str, str]  # templates by case; one template alone has the case ""
-
-    @field_validator("texts", mode="before")
-    @classmethod
-    def _one(cls, texts: object) -> object:
-        return {"": texts} if isinstance(texts, str) else texts
+    texts: Annotated[Mapping[str, str], BeforeValidator(_by_case)]  # templates
 
 
 def table(name: str) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from dataclasses import dataclass, replace
 from gateway.contract import (
     STOP,
     CommandAddress,
-    CommandBody,
     CommandError,
     CommandRequest,
     EventCode,
@@ -71,23 +70,13 @@ def command_in(
     """
     body, mistake = read_body(incoming.payload)
     is_stop, expires_s = address.verb == STOP, None
-    if is_stop:  # nothing else in a payload may hold up a stop
-        body = CommandBody(id=body.id, operator=body.operator, reason=body.reason)
-    elif incoming.expiry_s is not None:
+    if not is_stop and incoming.expiry_s is not None:
         expires_s = received_s + incoming.expiry_s
-    request = CommandRequest(
-        starter=address.starter,
-        client=address.client,
-        verb=address.verb,
-        id=body.id,
-        args=body.args,
-        operator=body.operator,
-        reason=body.reason,
+    request = body.as_request(
+        *address[:3],
         received_s=received_s,
+        is_early=incoming.is_early,
         correlation=incoming.correlation,
-        expect=body.expect,
-        select=body.select,
-        proof=replace(body.proof, is_early=incoming.is_early),
         expires_s=expires_s,
     )
     # The order of the refusals: first what the topic says, which alone needs no payload.

@@ -13,22 +13,25 @@ from __future__ import annotations
 
 import asyncio
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
 from gateway.contract import (
-    LINE,
+    AlarmRecord,
+    AvailabilityRecord,
     EventCode,
     FreshRecord,
+    InfoRecord,
+    LineRecord,
     PublishEvent,
     Quality,
     Record,
-    RetainedTopic,
     StateRecord,
     StatusRecord,
     Topics,
+    ValueRecord,
     read_object,
 )
 from gateway.mqtt.commands import Incoming
@@ -42,15 +45,14 @@ WITHIN_S = 10.0  # after the connection: online at the latest
 HEARTBEAT_S = 3.0  # so long a doubtful status waits for its gateway's heartbeat, which comes each second
 SETTLED_S = 3.0  # after a starter's first state: a fault's number is published by then
 QUIET_S = 60.0  # without a sign of the other gateway, before it is reported again
-VALUE, ALARM = "value", "alarm"
 
-_FIELDS = {  # by which a record of the contract is known; whatever else is stored below the base stays
-    "info": {"family", "model", "line", "address", "points", "commands"},
-    "availability": {"state", "since", "reason"},
-    "state": {"state", "quality", "time", "seq"},
-    VALUE: {"value", "unit", "quality", "time", "seq"},
-    ALARM: {"active", "severity", "text", "time", "cleared", "count"},
-    LINE: {"utilisation", "polls", "answered", "silent"},
+_FIELDS: Mapping[type[Record], set[str]] = {  # by which a record is known; whatever else is stored stays
+    InfoRecord: {"family", "model", "line", "address", "points", "commands"},
+    AvailabilityRecord: {"state", "since", "reason"},
+    StateRecord: {"state", "quality", "time", "seq"},
+    ValueRecord: {"value", "unit", "quality", "time", "seq"},
+    AlarmRecord: {"active", "severity", "text", "time", "cleared", "count"},
+    LineRecord: {"utilisation", "polls", "answered", "silent"},
 }
 
 
@@ -67,9 +69,9 @@ class ReadConnection(Protocol):
 class Leftovers:
     """The retained messages of earlier runs; a subscriber of the records.
 
-    `is_current` says whether a topic's starter or line is configured, `is_published` whether this run has
-    published on a topic; `clear` makes the broker forget one. `on_read` is called once, when the gateway may
-    be online.
+    `is_current` says whether the starter or line that a topic names is configured, `is_published` whether
+    this run has published on a topic; `clear` makes the broker forget one. `on_read` is called once, when the
+    gateway may be online.
     """
 
     takes = (StateRecord,)
@@ -79,7 +81,7 @@ class Leftovers:
         topics: Topics,
         tokens: Tokens,
         *,
-        is_current: Callable[[RetainedTopic], bool],
+        is_current: Callable[[Mapping[str, str]], bool],
         is_published: Callable[[str], bool],
         clear: Callable[[str], None],
         publish_event: PublishEvent,
@@ -154,14 +156,15 @@ class Leftovers:
             self._note_sharing()
 
     def _take_stored(self, incoming: Incoming) -> None:
-        found = self._topics.parse_retained(incoming.topic)
-        fields = _fields_of(incoming)
-        if found is None or not fields.keys() >= _FIELDS[found.kind]:
-            return
-        if found.kind == VALUE or not self._is_current(found):
-            self._reading.left[incoming.topic] = ""
-        elif found.kind == ALARM and fields["active"]:
-            self._reading.left[incoming.topic] = found.name
+        topic, fields = incoming.topic.removeprefix(f"{self._topics.base}/"), _fields_of(incoming)
+        for kind, own in _FIELDS.items():
+            names = kind.names_of(topic)
+            if names is None or not fields.keys() >= own:
+                continue
+            if kind is ValueRecord or not self._is_current(names):
+                self._reading.left[incoming.topic] = ""
+            elif kind is AlarmRecord and fields["active"]:
+                self._reading.left[incoming.topic] = names["starter"]
 
     def _note_sharing(self) -> None:
         """Report that another gateway is there; what it keeps retained is not to be cleared."""

@@ -16,7 +16,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, TypeVar
 
-from gateway.contract import AuditRecord, Record, rfc3339
+from gateway.contract import AuditRecord, Record, rfc3339, stored
 from gateway.store.chain import Head, link, read_line
 from gateway.store.database import Connection, read_file, write_file
 from gateway.store.schema import STATE
@@ -53,7 +53,7 @@ class Audit:
 
     def put(self, record: Record) -> None:
         """Take a decision about a command."""
-        said = record.fields()
+        said = stored(record)
         claims = {f"claimed_{claim}": said.pop(claim) for claim in ("operator", "reason")}
         self._take({"kind": "command", "boot": self._boot, **said, **claims})
 

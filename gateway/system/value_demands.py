@@ -10,7 +10,7 @@ _PLAIN = {  # pydantic's words, and those that are shown
     "Value error, ": "",
     r"^\w+ should": "must",
     "^Field required": "is missing",
-    "^Extra inputs are not permitted": "is no known key",
+    "^(Extra inputs are not permitted|Unexpected keyword argument)": "is no known key",
     "^Input is not a valid path.*": "must be a path in quotes",
     "a valid string": "a text in quotes",
     "a valid integer": "a whole number",

@@ -11,7 +11,7 @@ from gateway.app.record_log import RecordLog, log_failure
 from gateway.contract import (
     EventRecord,
     Record,
-    RecordBus,
+    RecordWriter,
     ResultRecord,
     Severity,
     StartRecord,
@@ -23,6 +23,7 @@ from gateway.plugins.history.starts import MotorStarts
 from gateway.plugins.history.trips import MotorTrips
 from gateway.plugins.history.values import MotorValues
 from gateway.starters import Policy
+from gateway.system.clock import SystemClock
 
 EVENT = EventRecord(starter="", code="a", severity=Severity.INFO, text="", time_s=0.0, seq=1)
 
@@ -46,10 +47,10 @@ def test_a_subscriber_gets_the_kinds_that_it_names_whatever_fails_in_another(
         Subscriber(EventRecord),
         Subscriber(ResultRecord),
     )
-    bus = RecordBus(log_failure)
-    bus.connect(broken, events, results)
+    records = RecordWriter(SystemClock(), log_failure)
+    records.connect(broken, events, results)
 
-    bus.put(EVENT)
+    records.put(EVENT)
 
     assert (events.seen, results.seen) == ([EVENT], [])
     assert "subscriber=Subscriber" in caplog.text

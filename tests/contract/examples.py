@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from gateway.contract import Cause, ReadingTable, StartOutcome, StartRecord, StartSource, TripRecord
+from gateway.contract import Cause, ReadingTable, StartRecord, TripRecord
 
 START = StartRecord(
     starter="pump",
@@ -10,8 +10,8 @@ START = StartRecord(
     time_s=0.0,
     boot="b",
     seq=11,
-    cause=Cause(StartSource.COMMAND, "alice", "1"),
-    outcome=StartOutcome.FULL_VOLTAGE,
+    cause=Cause("command", "alice", "1"),
+    outcome="full_voltage",
     acceleration_s=8.12346,
     samples={"t_s": (-1.0, 0.5), "current": (None, 310.0)},
 )

@@ -1,7 +1,8 @@
-"""Records are their payloads: one example of each form, and the newest ones."""
+"""Records are their payloads, both ways: one example of each form, what is none, and the newest ones."""
 
 from __future__ import annotations
 
+import json
 from dataclasses import replace
 
 import pytest
@@ -17,9 +18,12 @@ from gateway.contract import (
     Quality,
     Record,
     ResultRecord,
+    StartRecord,
     StateRecord,
     ValueRecord,
     history_item,
+    read_record,
+    read_stored,
 )
 from tests.contract.examples import START
 
@@ -109,6 +113,11 @@ ROWS = [
     ),
 ]
 
+WHOLE = (
+    b'{"id":"1","verb":"read","phase":"confirmed","code":"ok","text":"","time":"2026-11-21T01:02:03.456Z",'
+    b'"duplicate":true,"value":3.0,"ticket":7,"correlation":"x","starter":"fan"}'
+)
+
 
 @pytest.mark.parametrize(("record", "topic", "payload"), ROWS)
 def test_a_record_is_its_payload(record: Record, topic: str, payload: str) -> None:
@@ -129,8 +138,46 @@ def test_the_newest_records_are_numbered_and_what_is_forgotten_leaves_its_topic(
     seen = latest.number
 
     assert latest.find("starter/pump/value/p003") == replace(VALUE, value=13.0)
-    assert next(iter(latest.records())) is INFO
     assert [topic for topic, _ in latest.newer_than(seen - 1)] == ["starter/pump/value/p003"]
     latest.put(ForgetRecord(starters=("pump",)))
     assert {record for _, record in latest.newer_than(seen)} == {None}
-    assert list(latest.records()) == []
+
+
+def read(payload: bytes) -> ResultRecord:
+    return read_record(ResultRecord, payload, starter="pump", client="alice")
+
+
+def test_own_fields_are_typed_and_all_others_stand_beside_them() -> None:
+    record = read(WHOLE)
+
+    assert (record.phase, record.is_duplicate, record.starter) == (Phase.CONFIRMED, True, "pump")
+    assert (record.time_s, record.ticket, record.correlation) == (1795222923.456, 0, None)
+    assert record.values == {"value": 3.0, "ticket": 7, "correlation": "x", "starter": "fan"}
+
+
+def test_a_time_that_is_not_known_stays_null() -> None:
+    record = read(WHOLE.replace(b'"2026-11-21T01:02:03.456Z"', b"null"))
+
+    assert b'"time":null' in record.payload()
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "why"),
+    [
+        (b'"phase":"confirmed"', b'"phase":"finished"', "phase"),
+        (b'"phase":"confirmed",', b"", "phase"),
+        (b'"id":"1"', b'"id":1', "id"),
+        (b'"text":""', b'"text":null', "text"),
+        (b'"2026-11-21T01:02:03.456Z"', b'"yesterday"', "time"),
+        (b'"2026-11-21T01:02:03.456Z"', b"1795222923.456", "must be an RFC 3339 time"),
+    ],
+)
+def test_anything_else_is_no_record(old: bytes, new: bytes, why: str) -> None:
+    with pytest.raises(ValueError, match=why):
+        read(WHOLE.replace(old, new))
+
+
+def test_a_stored_start_is_the_record_again() -> None:
+    again = read_stored(StartRecord, json.loads(START.payload()), starter="pump")
+
+    assert (again.payload(), again.cause, again.samples) == (START.payload(), START.cause, START.samples)

@@ -15,11 +15,12 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from gateway.app.record_log import log_failure
 from gateway.cli.command import place_of
 from gateway.cli.report.document import ReportDocument, document_of
 from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.config.reading import load
-from gateway.contract import EventRecord, Record, RecordWriter, rfc3339
+from gateway.contract import EventRecord, Record, RecordWriter, rfc3339, stored
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.timing import Framing, LineTiming
@@ -93,7 +94,8 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
     """Let the motor live its year and return what the gateway would have stored."""
     chance = random.Random(seed)
     clock, memory, records = YearClock(), NoFile(), _Records()
-    writer: Any = RecordWriter(records, clock, boot="8c41d07e")
+    writer: Any = RecordWriter(clock, log_failure, boot="8c41d07e")
+    writer.connect(records)
     store: Any = memory
     delivery = Delivery(writer, store, NO_OUTBOX)
     profile, timing = load_profile("ssw07"), LineTiming(19200, Framing.parse("8E1"))
@@ -134,7 +136,7 @@ def _trips() -> list[HistoryRow]:
         time_s, id_ = BEGAN_S + day * DAY_S + 47_000.0 + 911 * number, f"8c41d07e-t{number}"
         nothing = {"readings": NOTHING, "at_fault": {}, "fault_history": (), "state_before": "running"}
         trip = replace(TRIP, starter=STARTER, id=id_, time_s=time_s, code=code, text=text, **nothing)
-        found.append(HistoryRow(STARTER, "trip", id_, trip.fields(), 100))
+        found.append(HistoryRow(STARTER, "trip", id_, stored(trip), 100))
     return found
 
 

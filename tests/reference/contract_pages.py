@@ -265,7 +265,7 @@ def _schema_of(kind: type[Record]) -> dict[str, Any]:
 
 
 def _topic(name: str, kind: type[Record] | None, address: str = "", meaning: str = "") -> Topic:
-    found = _schema_of(kind) if kind else CommandBody.model_json_schema()
+    found = _schema_of(kind) if kind else TypeAdapter(CommandBody).json_schema()
     schema = _flat(found, found.get("$defs", {}))
     schema.pop("description", None)
     meaning = meaning or " ".join((kind.__doc__ or "").split())

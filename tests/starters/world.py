@@ -8,7 +8,7 @@ from contextlib import ExitStack
 from typing import Any
 from unittest.mock import patch
 
-from gateway.contract import Record, RecordBus, ResultRecord
+from gateway.contract import Record, RecordWriter, ResultRecord
 from gateway.modbus.writes import WriteCoil
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
@@ -45,11 +45,11 @@ class GatewayWorld:
         self.disk_s = 0.0  # how long a transaction takes
         self.unstored: list[tuple[float, float]] = []  # what was said between these was not stored: a crash
         self._stored_s = 0.0  # when the last transaction that is done began
-        self._bus: RecordBus | None = None  # of the gateway of the moment
+        self._bus: RecordWriter | None = None  # of the gateway of the moment
         self._stack = ExitStack()
         self.plant = RigPlant(SITE, sim=dict.fromkeys(NAMES, QUICK))
-        self._note_calls(RecordBus, "connect", lambda bus, *_: setattr(self, "_bus", bus))
-        self._note_calls(RecordBus, "put", self._note_record)
+        self._note_calls(RecordWriter, "connect", lambda bus, *_: setattr(self, "_bus", bus))
+        self._note_calls(RecordWriter, "put", self._note_record)
         self._note_calls(Database, "transact", lambda *_, **__: self._await_disk())
         self._note_calls(self.plant.broker, "join", lambda _: setattr(self, "connected_s", self.now_s()))
         self._stack.enter_context(self.plant)
@@ -65,7 +65,7 @@ class GatewayWorld:
 
         self._stack.enter_context(patch.object(owner, name, noting))
 
-    def _note_record(self, bus: RecordBus, record: Record) -> None:
+    def _note_record(self, bus: RecordWriter, record: Record) -> None:
         if bus is self._bus:  # a process that was killed says nothing
             self.records.append((self.now_s(), record))
 

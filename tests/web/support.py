@@ -6,6 +6,7 @@ from collections.abc import AsyncIterator, Mapping
 from dataclasses import dataclass, field, replace
 from typing import Any, cast
 
+from gateway.app.record_log import log_failure
 from gateway.contract import (
     AuditRecord,
     Latest,
@@ -92,7 +93,8 @@ class FakeGateway:
     latest: Latest = field(default_factory=Latest)
 
     def __post_init__(self) -> None:
-        self.records = RecordWriter(self, self.clock)
+        self.records = RecordWriter(self.clock, log_failure)
+        self.records.connect(self)
         self.starters: dict[str, Any] = {}
         self.documents = Documents()
 

@@ -111,7 +111,7 @@ def _warnings(facts: MotorFacts, t: Translate) -> Iterator[str]:
         far = [name for name in TRENDS if abs(changes.get(name, 0.0)) >= LIMIT_PCT]
         words = ", ".join(f"{t(QUANTITIES[name].label)} {changes[name]:+.0f} %" for name in far)
         yield f"{t('the last starts differ from the baseline')}: {words or facts.baseline.text}"
-    latest = [start.outcome.value for start in facts.starts[-LATEST_STARTS:]]
+    latest = [start.outcome for start in facts.starts[-LATEST_STARTS:]]
     for outcome in ("tripped", "given_up"):
         if outcome in latest:
             of_all = t("of the last {n} starts").replace("{n}", str(len(latest)))
@@ -173,8 +173,8 @@ def _starts(facts: MotorFacts, t: Translate) -> FactTable:
         amounts = {name: QUANTITIES[name].text(getattr(start, name)) for name in known}
         if start.resolution_s:
             amounts["acceleration_s"] += f"\xa0±{start.resolution_s:.1g}"
-        by = start.cause.client or start.cause.source.value
-        outcome = t(_spaced(start.outcome.value))
+        by = start.cause.client or start.cause.source
+        outcome = t(_spaced(start.outcome))
         rows.append((_minute(rfc3339(start.time_s)), outcome, *amounts.values(), by))
     head = (t("time"), t("outcome"), *_heads(known, t), t("given by"))
     return FactTable(rows, head, range(2, len(head) - 1))

@@ -52,8 +52,6 @@ ONLINE = AvailabilityRecord(starter="", state="online", since_s=0.0, reason=None
 
 R = TypeVar("R", bound=Record)
 
-_PATTERNS = {kind: re.compile(re.sub(r"{(\w+)}", r"(?P<\1>[^/]+)", kind.TOPIC)) for kind in KINDS}
-
 
 def filters() -> Iterator[str]:
     """Yield the topics to subscribe to, below the base of the gateways."""
@@ -190,10 +188,10 @@ class Overview:
         """Apply one message that came at `now_s` (seconds since 1970)."""
         levels = topic.split("/")
         base, rest = "/".join(levels[: self._depth]), "/".join(levels[self._depth :])
-        for kind, pattern in _PATTERNS.items():
-            if names := pattern.fullmatch(rest):
+        for kind in KINDS:
+            if (names := kind.names_of(rest)) is not None:
                 with suppress(ValueError):  # somebody else publishes below this base
-                    record = read_record(kind, payload, **names.groupdict()) if payload else None
+                    record = read_record(kind, payload, **names) if payload else None
                     self._gateways.setdefault(base, GatewayRecords(base)).put(rest, record, now_s)
 
     def gateways(self) -> Sequence[GatewayRecords]:

@@ -31,6 +31,7 @@ from gateway.mqtt.message import FIRST_FAILURE, Message
 STATUS_WITHIN_S = 5.0  # the retained status comes with the subscription
 STOP_STATUS_WITHIN_S = 0.25  # a stop does not wait for it
 TROUBLED_WITHIN_S = 2.0  # for the result of a stop that was sent although no gateway seemed to be there
+SAID = ("id", "args", "ttl_s", "operator", "reason", "expect", "select")  # by who gives the command
 
 R = TypeVar("R", bound=Record)
 
@@ -159,17 +160,8 @@ class CommandClient:
                 return None
 
     def _message(self, order: CommandRequest, *, proof: Mapping[str, str], now_s: float) -> Message:
-        body = {
-            "id": order.id,
-            "issued_at": rfc3339(now_s),
-            "args": order.args,
-            "ttl_s": order.proof.ttl_s,
-            "operator": order.operator,
-            "reason": order.reason,
-            "expect": order.expect,
-            "select": order.select,
-            **proof,
-        }
+        said = {name: getattr(order, name) for name in SAID}
+        body = {**said, "issued_at": rfc3339(now_s), **proof}
         topic = self._topics.command(order.starter, order.client, order.verb)
         payload = encoded({name: value for name, value in body.items() if value})
         return Message(topic, payload, qos=1, retain=False)

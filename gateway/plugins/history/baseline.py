@@ -44,7 +44,7 @@ Values = Mapping[str, float]  # those of QUANTITIES that are known, always the a
 def values_of(start: StartRecord) -> Values | None:
     """Return what of a start is compared; None when it is not good enough for that."""
     acceleration_s, heat, peak_a = start.acceleration_s, start.i2t_a2s, start.peak_a
-    if start.outcome is not StartOutcome.FULL_VOLTAGE or acceleration_s is None or acceleration_s <= 0:
+    if start.outcome != "full_voltage" or acceleration_s is None or acceleration_s <= 0:
         return None
     if (start.resolution_s or 0.0) > MOST_ERROR_PCT / 100 * acceleration_s:
         return None
@@ -224,7 +224,7 @@ class Month:
     def add(self, start: StartRecord) -> None:
         """Count a start."""
         self.outcomes[start.outcome] = self.outcomes.get(start.outcome, 0) + 1
-        if start.outcome is not StartOutcome.FULL_VOLTAGE:
+        if start.outcome != "full_voltage":
             return
         for quantity in _MEANS:
             value = getattr(start, quantity)

@@ -22,7 +22,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from gateway.contract import Cause, StartOutcome, StartRecord, StartSource
+from gateway.contract import Cause, StartOutcome, StartRecord
 from gateway.families import Profile, once_per_profile
 from gateway.plugins.history.start_curve import COLUMNS, Curve, i2t_error_pct_of
 from gateway.starters import Readings
@@ -137,9 +137,9 @@ class StartRecorder:
         """Record that the starter is not read any more; return the start that is over by it."""
         match self._phase:
             case _Phase.STARTING:
-                return self._finish(StartOutcome.GIVEN_UP, _Phase.LOST)
+                return self._finish("given_up", _Phase.LOST)
             case _Phase.AFTER:
-                return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON)
+                return self._finish("full_voltage", _Phase.ON)
             case _:
                 self._rest_since_s = None  # it may have been started meanwhile
                 return None
@@ -205,7 +205,7 @@ class StartRecorder:
         """Record the time after full voltage, the reply that ends it too."""
         self._sample(readings)
         is_over = readings.at_s >= start.after_until_s
-        return self._finish(StartOutcome.FULL_VOLTAGE, _Phase.ON) if is_over else None
+        return self._finish("full_voltage", _Phase.ON) if is_over else None
 
     def _reach_full_voltage(self, start: _Start, at_s: float) -> None:
         if start.began is not None and self._motion_s is not None:
@@ -221,8 +221,8 @@ class StartRecorder:
             self._phase = phase
             return None
         is_fault, is_up = readings.state == "fault", self._phase is _Phase.AFTER
-        outcome = StartOutcome.TRIPPED if is_fault else StartOutcome.STOPPED
-        return self._finish(StartOutcome.FULL_VOLTAGE if is_up else outcome, phase)
+        outcome: StartOutcome = "tripped" if is_fault else "stopped"
+        return self._finish("full_voltage" if is_up else outcome, phase)
 
     def _begin(self, readings: Readings) -> _Start:
         now_s, rest_s, thermal = readings.at_s, self._rest_since_s, self._thermal
@@ -270,8 +270,8 @@ class StartRecorder:
         begin_within_s = until_s - zero_s if was_seen else math.nan
         end_within_s = math.nan if start.ended is None else start.ended[1] - end_s
         # The integrals need both ends of the ramp, or the end that a stop or a trip has made.
-        is_known = outcome is StartOutcome.FULL_VOLTAGE and was_seen and start.ended is not None
-        was_cut = outcome in (StartOutcome.STOPPED, StartOutcome.TRIPPED)
+        is_known = outcome == "full_voltage" and was_seen and start.ended is not None
+        was_cut = outcome in ("stopped", "tripped")
         ramp = zero_s, end_s if is_known else self._last_s
         seq = next(self._sequence)
         curve.cut_before(zero_s - BEFORE_S)
@@ -307,7 +307,7 @@ class StartRecorder:
             self._rest_since_s = None
         # A start that was given up, as at a lost line, and is found again under way is one start.
         before_s = self.given_up_s
-        self.given_up_s = record.time_s if outcome is StartOutcome.GIVEN_UP else None
+        self.given_up_s = record.time_s if outcome == "given_up" else None
         is_same = start.was_found and before_s is not None and 0.0 <= record.time_s - before_s <= LONGEST_S
         return None if is_same else record
 
@@ -325,10 +325,10 @@ def _middle(since_s: float, until_s: float) -> float:
 
 def _cause(command: _Command | None, remote: bool | None) -> Cause:  # noqa: FBT001 - a reading
     if command is not None:
-        return Cause(StartSource.COMMAND, *command)
+        return Cause("command", *command)
     if remote is None:
         return Cause()
-    return Cause(StartSource.REMOTE if remote else StartSource.LOCAL)
+    return Cause("remote" if remote else "local")
 
 
 def _rise(before: float | None, after: float | None) -> float | None:

@@ -17,7 +17,6 @@ from gateway.contract import (
     Record,
     ResultCode,
     ResultRecord,
-    StartOutcome,
     StartRecord,
     StateRecord,
     read_stored,
@@ -84,7 +83,7 @@ class MotorStarts(Part):
         months = _stored_in(past.rows, MONTH, Month)
         self._month = max(months, key=lambda month: month.month, default=None)
         for latest in (*starts, *past.starts)[-1:]:
-            self._recorder.given_up_s = latest.time_s if latest.outcome is StartOutcome.GIVEN_UP else None
+            self._recorder.given_up_s = latest.time_s if latest.outcome == "given_up" else None
         if self._trend.baseline is not None and not any(row.kind == BASELINE for row in past.rows):
             self._store_baseline()  # the run that made it was killed
         self._put_alarm()
@@ -215,7 +214,7 @@ def _with(verdict: TrendVerdict, start: StartRecord) -> StartRecord:
 
 def _summary(start: StartRecord) -> Mapping[str, Any]:
     """Return what is stored of a start besides its curve."""
-    return stored(start, without={"samples"})
+    return {name: value for name, value in stored(start).items() if name != "samples"}
 
 
 def _stored_in(rows: Iterable[HistoryRow], name: str, kind: type[T], **names: str) -> list[T]:

@@ -15,7 +15,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
-from gateway.contract import EventCode, EventRecord, ReadingTable, Record, TripRecord
+from gateway.contract import EventCode, EventRecord, ReadingTable, Record, TripRecord, stored
 from gateway.plugins.history.delivery import Delivery, Part, Past, Rows
 from gateway.plugins.history.ring import ReadingRing
 from gateway.starters import Readings, StarterSetup
@@ -131,7 +131,7 @@ class MotorTrips(Part):
 
     def _keep(self, trip: TripRecord) -> None:
         self._count(trip)
-        row = HistoryRow(trip.starter, KIND, trip.id, trip.fields(), STORED)
+        row = HistoryRow(trip.starter, KIND, trip.id, stored(trip), STORED)
         self._delivery.store.put(row, is_urgent=True)
 
 

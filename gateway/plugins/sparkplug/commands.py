@@ -19,7 +19,7 @@ import hashlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-from gateway.contract import STOP, CommandError, CommandRequest, Proof, ResultCode, rfc3339, shortened
+from gateway.contract import STOP, CommandError, CommandRequest, ResultCode, rfc3339, shortened
 from gateway.plugins.sparkplug.metrics import COMMANDS, ID_PREFIX, STOP_METRIC
 from gateway.plugins.sparkplug.payload import HostCommand, HostWrite
 from gateway.starters import MAX_AHEAD_S
@@ -62,7 +62,7 @@ class CommandMapper:
 
     def unread(self, starter: str, id_: str, error: CommandError) -> Judgement:
         """Return the refusal of what was not looked into."""
-        return CommandRequest(starter, self.operator, "?", id_, source=SPARKPLUG), error
+        return CommandRequest(starter, self.operator, "?", id=id_, source=SPARKPLUG), error
 
     def _request(self, asked: DeviceCommand, write: HostWrite) -> CommandRequest:
         issued_s = _issued_s(asked, write)
@@ -72,7 +72,8 @@ class CommandMapper:
             verb=COMMANDS.get(write.name) or _shown(write.name),
             id=_id_of(asked, issued_s, write.name),
             received_s=asked.now_s,
-            proof=Proof(issued_s=None if issued_s is None else round(issued_s, 3), ttl_s=self.ttl_s),
+            issued_s=None if issued_s is None else round(issued_s, 3),
+            ttl_s=self.ttl_s,
             source=SPARKPLUG,
         )
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
-from dataclasses import replace
 from functools import lru_cache
 from typing import Any
 
@@ -72,20 +71,10 @@ class Control:
         """Have a command of a logged-in user judged and carried out; its proof is a token of the page."""
         user, received_s = session.user, self._gateway.clock.now_s()
         body, mistake = read_body(payload)
-        request = CommandRequest(
-            starter,
-            user.client,
-            verb,
-            id=body.id,
-            operator=user.name,
-            reason=body.reason,
-            received_s=received_s,
-            source=WEB,
+        request = body.as_request(
+            starter, user.client, verb, operator=user.name, received_s=received_s, source=WEB
         )
-        if verb == STOP:  # nothing else in a payload may hold a stop up
-            return self._gateway.commands.submit(request)
-        request = replace(request, args=body.args, expect=body.expect, select=body.select, proof=body.proof)
-        return self._gateway.commands.submit(request, mistake)
+        return self._gateway.commands.submit(request, None if verb == STOP else mistake)
 
     def parameters(self, starter: str) -> list[dict[str, Any]]:
         """Return the rows of a starter's family by the manual's code; takes long."""

@@ -34,8 +34,6 @@ class Page:
         self._accounts = Accounts(settings, gateway.records)
         self._control = Control(gateway)
         self._streams = Streams(self._model, self._control, self._accounts, gateway)
-        for record in gateway.latest.records():
-            self._model.put(record)
 
     @property
     def streams(self) -> int:

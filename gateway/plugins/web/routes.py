@@ -24,6 +24,7 @@ from gateway.contract import (
     encoded,
     read_object,
     rfc3339,
+    stored,
 )
 from gateway.errors import StoreError
 from gateway.plugins.interface import Gateway
@@ -285,7 +286,7 @@ class WebApp:
         writer = csv.writer(text)
         writer.writerow(["time", "topic", *_COLUMNS])
         for record in self._model.messages(None) or ():
-            said = record.fields()
+            said = stored(record)
             writer.writerow(map(_cell, (said.get("time"), record.topic, *map(said.get, _COLUMNS))))
         headers = {"content-disposition": 'attachment; filename="events.csv"', "cache-control": "no-store"}
         return Response(text.getvalue(), media_type="text/csv; charset=utf-8", headers=headers)

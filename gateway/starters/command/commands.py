@@ -155,7 +155,7 @@ class Commands:
         name, client, id_, verb = result.starter, result.client, result.id, result.verb
         step = CommandStep.VERIFYING if may_be_written else CommandStep.RECEIVED
         end = crashed(verb, may_be_written=may_be_written)
-        CommandReport(CommandRequest(name, client, verb, id_), self._reporting, step=step).finish(end)
+        CommandReport(CommandRequest(name, client, verb, id=id_), self._reporting, step=step).finish(end)
         if may_be_written and name in self.starters:
             event, outcome = self.starters[name].event, end.reason.text
             event(EventCode.COMMAND_CUT_SHORT, client=client, id=id_, verb=verb, outcome=outcome)

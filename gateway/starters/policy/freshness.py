@@ -23,7 +23,7 @@ from collections.abc import Collection
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from gateway.contract import MAX_TTL_S, READ, CommandError, CommandRequest, Proof, ResultCode
+from gateway.contract import MAX_TTL_S, READ, CommandError, CommandRequest, ResultCode
 
 MAX_AHEAD_S = 2.0  # how far a sender's clock may run before ours
 EVERY_S = 1.0  # between two tokens
@@ -107,23 +107,23 @@ def dated(
 
     `freshness` holds the settings of the operator's entries that give the right; any of them is enough.
     """
-    proof, now_s = request.proof, moment.now_s
-    if proof.boot not in (None, tokens.boot):
+    now_s, ttl_s = moment.now_s, request.ttl_s
+    if request.boot not in (None, tokens.boot):
         raise CommandError(ResultCode.WRONG_BOOT)
-    made_s, issued_s = tokens.made_s(proof.token or ""), None  # on the steady clock
-    if proof.issued_s is not None and moment.clock_doubt is None:
-        issued_s = now_s - (moment.utc_s - proof.issued_s)
+    made_s, issued_s = tokens.made_s(request.token or ""), None  # on the steady clock
+    if request.issued_s is not None and moment.clock_doubt is None:
+        issued_s = now_s - (moment.utc_s - request.issued_s)
     dates = [at_s for at_s in (made_s, issued_s) if at_s is not None]
     since_s = min(dates, default=now_s)
-    if now_s - since_s > proof.ttl_s:
-        raise CommandError(ResultCode.EXPIRED, "decided", age_s=now_s - since_s, ttl_s=proof.ttl_s)
+    if now_s - since_s > ttl_s:
+        raise CommandError(ResultCode.EXPIRED, "decided", age_s=now_s - since_s, ttl_s=ttl_s)
     trouble = None if issued_s is None else _issued_trouble(issued_s, tokens, now_s)
     is_issued = issued_s is not None and trouble is None
     if request.verb != READ and not is_issued and (made_s is None or BY_TOKEN not in freshness):
-        raise trouble or _unproven(proof, freshness, moment)
-    if proof.is_early:
+        raise trouble or _unproven(request, freshness, moment)
+    if request.is_early:
         raise before_connection()
-    expires_s = min(since_s, now_s) + proof.ttl_s
+    expires_s = min(since_s, now_s) + ttl_s
     if request.expires_s is not None:
         expires_s = min(expires_s, request.expires_s)
     ahead_s = MAX_AHEAD_S if made_s is None else 0.0  # the sender's clock may run so far before ours
@@ -151,12 +151,12 @@ def dated_alone(doubt: str | None) -> CommandError:
     return CommandError(ResultCode.NOT_FRESH, "clock_in_doubt", doubt=doubt)
 
 
-def _unproven(proof: Proof, freshness: Collection[str], moment: ArrivalTime) -> CommandError:
+def _unproven(request: CommandRequest, freshness: Collection[str], moment: ArrivalTime) -> CommandError:
     """Return what is missing, of a command with no proof that can be taken."""
     if set(freshness) == {BY_ISSUED_AT}:
         return dated_alone(moment.clock_doubt)
-    if proof.token is not None:
+    if request.token is not None:
         return CommandError(ResultCode.NOT_FRESH, "token_unknown", longest_s=MAX_TTL_S)
-    if proof.issued_s is not None:
+    if request.issued_s is not None:
         return CommandError(ResultCode.NOT_FRESH, "issued_at_in_doubt", doubt=moment.clock_doubt)
     return CommandError(ResultCode.NOT_FRESH, "no_proof")

@@ -120,10 +120,10 @@ class StatePublisher:
         self._published, values = due_values(
             self._published, state, self._deadbands, now_s=now_s, refresh_s=self._refresh_s
         )
-        sink, boot, sequence = self._records.sink, self._records.boot, self._records.sequence
+        put, boot, sequence = self._records.put, self._records.boot, self._records.sequence
         for point, reading in values.items():
             read = state.times.get(point)
-            sink.put(
+            put(
                 ValueRecord(
                     starter=self._starter,
                     point=point,

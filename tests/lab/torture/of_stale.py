@@ -9,8 +9,7 @@ import subprocess
 import time
 from collections.abc import Callable
 
-from gateway.contract import rfc3339
-from gateway.contract.request import DEFAULT_TTL_S
+from gateway.contract import DEFAULT_TTL_S, rfc3339
 from gateway.system.stalls import SUSPEND_LIMIT_S
 from tests.lab.torture.machine import until
 from tests.lab.torture.recorder import BASE, is_final

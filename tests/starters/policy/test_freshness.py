@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.contract import MAX_TTL_S, CommandError, CommandRequest, Proof
+from gateway.contract import MAX_TTL_S, CommandError, CommandRequest
 from gateway.starters.policy.freshness import (
     BY_ISSUED_AT,
     BY_TOKEN,
@@ -17,10 +17,6 @@ from gateway.starters.policy.freshness import (
 )
 
 UTC_S = 1_795_222_923.0
-
-
-def start(proof: Proof) -> CommandRequest:
-    return CommandRequest("pump", "alice", "start", id="1", proof=proof)
 
 
 @given(
@@ -41,8 +37,10 @@ def test_no_start_of_another_time_is_ever_fresh(
 ) -> None:
     tokens = Tokens("boot-1")
     tokens.issue(7.0)
-    proof = Proof(token=token, issued_s=UTC_S - age_s, boot=boot, ttl_s=ttl_s)
+    start = CommandRequest(
+        "pump", "alice", "start", id="1", token=token, issued_s=UTC_S - age_s, boot=boot, ttl_s=ttl_s
+    )
 
     with pytest.raises(CommandError) as caught:
-        dated(start(proof), freshness=freshness, tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))
+        dated(start, freshness=freshness, tokens=tokens, moment=ArrivalTime(7.0, UTC_S, doubt))
     assert caught.value.code in ("expired", "not_fresh", "wrong_boot")

@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 
+from gateway.app.record_log import log_failure
 from gateway.contract import CommandError, RecordWriter
 from gateway.starters.policy.write_budget import HOUR_S, MOST_PER_HOUR, WriteBudget
 from gateway.store import Documents
@@ -31,8 +32,9 @@ async def test_so_many_writes_an_hour_wear_no_memory_out_and_each_count_is_an_ev
     written: list[tuple[int, float]], asked: tuple[int, float], refusal: str
 ) -> None:
     events: list[Any] = []
-    sink: Any = SimpleNamespace(put=events.append)
-    wear = WriteBudget(RecordWriter(sink, VirtualClock(asyncio.get_running_loop())), Documents())
+    records = RecordWriter(VirtualClock(asyncio.get_running_loop()), log_failure)
+    records.connect(SimpleNamespace(put=events.append))
+    wear = WriteBudget(records, Documents())
     for writes, now_s in written:
         wear.take("pump", writes, now_s=now_s)
 

@@ -1,8 +1,18 @@
-"""The table of events: each event is made of the fields that it is given."""
+"""The tables of events and results: each text is made of the fields that it is given."""
 
 from __future__ import annotations
 
-from gateway.contract import Event, EventCode, Severity, event_of, phrase
+from gateway.contract import (
+    Event,
+    EventCode,
+    Note,
+    Reason,
+    ResultCode,
+    Severity,
+    event_of,
+    meaning_of,
+    phrase,
+)
 
 
 def test_a_text_and_the_data_are_made_of_the_fields() -> None:
@@ -26,3 +36,17 @@ def test_what_is_not_known_is_absent_only_where_it_is_optional() -> None:
         "from": None,
         "to": "running",
     }
+
+
+def test_a_reason_and_what_is_added_make_one_text() -> None:
+    reason = Reason(ResultCode.EXPIRED, "waiting", age_s=7.26).noted(Note("nothing_written"), None)
+
+    assert reason.text == "the command arrived 7.3 s ago and is no longer valid; nothing was written"
+    assert reason.code == "expired"
+    assert reason.noted() == reason != Reason(ResultCode.EXPIRED, "message")
+
+
+def test_an_exception_that_no_manual_names_has_its_number_in_the_code() -> None:
+    assert Reason(ResultCode.EXCEPTION, "write", number=77).code == "exception_77"
+    assert meaning_of("exception_77").remedy == "See its manual."
+    assert meaning_of("locked").remedy == "Ask the owner of the lock."
