@@ -59,7 +59,7 @@ PICTURES = (
 async def draw_report() -> None:
     """Write the picture of a health report."""
     with tempfile.TemporaryDirectory() as name:
-        path = await write_year(Path(name), (await lived()).rows)
+        path = await write_year(Path(name), await lived())
         text = to_html(report_of(path), language="en")
     async with async_playwright() as playwright:
         chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])

@@ -10,16 +10,17 @@ import random
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 from gateway.cli.command import place_of
 from gateway.cli.report.document import ReportDocument, document_of
 from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.config.reading import load
-from gateway.contract import EventRecord, Record, RecordWriter, rfc3339
+from gateway.contract import RecordWriter, rfc3339
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.timing import Framing, LineTiming
@@ -31,7 +32,7 @@ from gateway.starters.identity.registry import Fingerprint, Known
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document
 from gateway.system.clock import Clock
 from tests.contract.examples import TRIP
-from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, NoFile, ReadMotor
+from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, ReadMotor
 from tests.rig.sites import line, starter, table
 
 STARTER = "cooling-fan-2"
@@ -81,21 +82,28 @@ class YearClock(Clock):
         return UTC_S + (self.at_s if at_s is None else at_s)
 
 
-@dataclass
-class Year:
-    """What was stored, and what was published on the way."""
+class MemoryHistory:
+    """Stands for the history's file: `stored` is what was put, by kind and id."""
 
-    rows: list[HistoryRow]
-    events: list[EventRecord]
+    def __init__(self) -> None:
+        self.stored: dict[tuple[str, str], HistoryRow] = {}
+
+    def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
+        self.stored[row.kind, row.id] = row
+        for key in [key for key in self.stored if key[0] == row.kind][: -row.limit]:
+            del self.stored[key]
+
+    def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
+        if (kind, id_) in self.stored:
+            self.put(HistoryRow(starter, to_kind, id_, self.stored[kind, id_].data))
 
 
-async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
+async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> list[HistoryRow]:
     """Let the motor live its year and return what the gateway would have stored."""
-    chance = random.Random(seed)
-    clock, memory, records = YearClock(), NoFile(), _Records()
-    writer: Any = RecordWriter(records, clock, boot="8c41d07e")
+    chance, clock, memory = random.Random(seed), YearClock(), MemoryHistory()
+    published: Any = SimpleNamespace(put=lambda _: None)
     store: Any = memory
-    delivery = Delivery(writer, store, NO_OUTBOX)
+    delivery = Delivery(RecordWriter(published, clock, boot="8c41d07e"), store, NO_OUTBOX)
     profile, timing = load_profile("ssw07"), LineTiming(19200, Framing.parse("8E1"))
     setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0), timing)
     history = MotorStarts(setup, delivery, lambda _: None)
@@ -111,8 +119,7 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
             delivery.release()
     history.close()
     delivery.release()
-    rows = [*memory.stored.values(), *_trips(), _counters(starts, hours)]
-    return Year(rows, [each for each in records.found if isinstance(each, EventRecord)])
+    return [*memory.stored.values(), *_trips(), _counters(starts, hours)]
 
 
 def _start(begin_s: float, day: int, chance: random.Random) -> ReadMotor:
@@ -148,14 +155,6 @@ def _counters(starts: int, hours: float) -> HistoryRow:
         "trips": {"e05": 2, "e03": 1},
     }
     return HistoryRow(STARTER, "counters", "8c41d07e", {"totals": totals, "thermal": {}})
-
-
-class _Records:
-    def __init__(self) -> None:
-        self.found: list[Record] = []
-
-    def put(self, record: Record) -> None:
-        self.found.append(record)
 
 
 async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> Path:

@@ -14,20 +14,13 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Procedure, Read
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import rows_in
-from gateway.modbus.pdu import Request, exception_code
-from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.modbus.pdu import exception_code
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.sim.wire import Talk
 
 PAUSE_S = 0.1
 SLOT_1 = Variant(slot=1)
-RAW_START: dict[str, Request] = {
-    "ssw06": WriteRegister(5003, 0x0101),
-    "ssw07": WriteCoil(100, is_on=True),
-    "ssw900": WriteRegister(685, 0x0013),
-    "sst": WriteCoil(0, is_on=True),
-}
 
 Rows = dict[str, tuple[int, ...]]
 
@@ -84,6 +77,9 @@ class Actor:
         said = "; ".join(note.text for note in procedure.notes)
         end = Done("confirmed" if is_seen else "unconfirmed", said, written)
         return end if is_seen else self._abandoned(procedure, end)
+
+    def trip(self) -> None:
+        self.unit.trip(12 if self.profile.family == "sst" else 3)
 
     def read(self, reads: Sequence[Read]) -> Rows:
         """Return freshly read rows; CommandError when one is refused or not answered."""

@@ -6,7 +6,6 @@ Every command is judged: no motor may start without a start, none may stop by a 
 from __future__ import annotations
 
 import random
-from collections.abc import Callable
 from functools import cache
 from typing import Any
 
@@ -15,7 +14,8 @@ from gateway.families.profile.load import load_profile
 from gateway.sim.core.power import MotorState
 from gateway.sim.sst.unit import Sst
 from gateway.sim.weg.common import Commanded
-from tests.rules.acting import RAW_START, Actor
+from tests.rules.acting import Actor
+from tests.sim.script import START, step
 
 LIFE = 100  # commands that a starter gets before a new one takes its place
 STARTS = ("start", "jog on")
@@ -23,7 +23,7 @@ STOPS = ("stop", "jog off", "general_enable off")
 DEADLY = ("R42",)  # shorter than the starter's own start-up it restarts without end, whatever is commanded
 VALUES = (0, 1, 2, 5, 10, 50, 0.5, True, "on", "Serial", "nonsense", None, -1, 70000)
 
-Happening = Callable[[Actor, random.Random], None]
+HAPPENINGS = ("trip", "lost mains", "another master", "people", *["time"] * 4)
 
 
 def is_driven(actor: Actor) -> bool:
@@ -64,37 +64,25 @@ def some_args(actor: Actor, verb: str, dice: random.Random) -> dict[str, Any]:
     return {}
 
 
-def trip(actor: Actor, dice: random.Random) -> None:
-    actor.unit.trip(12 if actor.profile.family == "sst" else 3)
-
-
-def lose_mains(actor: Actor, dice: random.Random) -> None:
-    actor.unit.set_mains(is_present=False)
-    actor.talk.wait(1.0)
-    actor.unit.set_mains(is_present=True)
-
-
-def run_by_hand(actor: Actor, dice: random.Random) -> None:
-    """Let another master send a start, so that a run command may stand without the gateway's doing."""
-    actor.talk.pdu(RAW_START[actor.profile.family])
-
-
-def switch_by_hand(actor: Actor, dice: random.Random) -> None:
-    unit = actor.unit
-    if isinstance(unit, Sst):
-        unit.set_control(dice.choice(["modbus", "modbus", "modbus", "usb", "parallel"]))
-    elif isinstance(unit, Commanded):
-        unit.set_enable_input(is_on=dice.random() < 0.8)
-        unit.set_remote(is_remote=dice.random() < 0.8)  # type: ignore[attr-defined]  # every WEG family has it
-
-
-def let_time_pass(actor: Actor, dice: random.Random) -> None:
-    actor.talk.wait(dice.choice([0.05, 1.0, 5.0, 30.0]))
-
-
-HAPPENINGS: tuple[Happening, ...] = (
-    trip, lose_mains, run_by_hand, switch_by_hand, let_time_pass, let_time_pass, let_time_pass, let_time_pass
-)  # fmt: skip
+def happen(actor: Actor, dice: random.Random) -> None:
+    """Let something happen besides: mostly time passes."""
+    unit, talk = actor.unit, actor.talk
+    match dice.choice(HAPPENINGS):
+        case "trip":
+            actor.trip()
+        case "lost mains":
+            unit.set_mains(is_present=False)
+            talk.wait(1.0)
+            unit.set_mains(is_present=True)
+        case "another master":  # whose run command may stand without the gateway's doing
+            step(talk, f"{START[unit.family]} sent")
+        case "people" if isinstance(unit, Sst):
+            unit.set_control(dice.choice(["modbus", "modbus", "modbus", "usb", "parallel"]))
+        case "people" if isinstance(unit, Commanded):
+            unit.set_enable_input(is_on=dice.random() < 0.8)
+            unit.set_remote(is_remote=dice.random() < 0.8)  # type: ignore[attr-defined]  # every WEG family has it
+        case _:
+            talk.wait(dice.choice([0.05, 1.0, 5.0, 30.0]))
 
 
 def label(verb: str, args: dict[str, Any]) -> str:
@@ -130,7 +118,7 @@ def send_at_random(
 
 def _send_one(actor: Actor, dice: random.Random) -> str:
     if dice.random() < 0.3:
-        dice.choice(HAPPENINGS)(actor, dice)
+        happen(actor, dice)
     verb = dice.choice([*verbs(actor.profile), "start", "stop"])
     args = some_args(actor, verb, dice)
     actor.talk.wait(0.2)
