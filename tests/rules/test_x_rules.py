@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.command.procedures import verbs
+from gateway.families.command.procedures import build, verbs
 from gateway.families.profile.load import FAMILIES, load_profile
+from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 from gateway.modbus.server import decode_request
 from gateway.sim.factory import make_unit
@@ -56,6 +57,12 @@ def test_x_05_set_writes_no_command_and_does_not_cut_the_line_off(
     done = Actor(family).act("set", {"parameter": code, "value": 1})
 
     assert (done.end, done.written) == (refusal, [])
+
+
+def test_x_06_no_silence_is_expected_after_a_start() -> None:
+    steps = build(load_profile("ssw06"), Variant(), "start", {}, seen={}).steps
+
+    assert [step.is_silence_expected for step in steps] == [False]
 
 
 @pytest.mark.parametrize("family", FAMILIES)
