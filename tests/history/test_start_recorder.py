@@ -84,7 +84,7 @@ FED = sum("current" in each.values and 20.3 <= each.at_s < 24.0 for each in moto
             ({}, wrong, {"outliers": len(wrong), **WHOLE})  # what cannot be is counted and enters nothing
             for wrong in ({12: 6553.5}, {12: 6553.5, 13: 6553.5}, {0: 6553.5}, {10: 3500.0, 40: 900.0})
         ),
-        ({"is_ours": False, "fast_s": 0.1}, {0: 900.0}, {"outliers": 0, "peak_a": 900.0}),  # a kick start
+        ({"fast_s": 0.1}, {0: 900.0}, {"outliers": 0, "peak_a": 900.0}),  # a kick start
         (TRIPS, {FED - 1: 980.0}, {"outliers": 0, "peak_a": 980.0}),  # this current trips the starter
         *(({"cut_s": 24.0, "cut_state": state}, {}, CUT) for state in ("fault", "stopping")),
         ({"lost": (22.0, 26.0)}, {}, {"outcome": "full_voltage", **GAP}),
