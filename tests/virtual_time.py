@@ -75,15 +75,14 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
 class VirtualClock:
     """A gateway.system.clock.Clock that follows a loop's virtual time."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, epoch_s: float = EPOCH_S) -> None:
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
-        self.epoch_s = epoch_s
 
     def now_s(self) -> float:
         return self._loop.time()
 
     def utc_s(self, at_s: float | None = None) -> float:
-        return self.epoch_s + (self._loop.time() if at_s is None else at_s)
+        return EPOCH_S + (self._loop.time() if at_s is None else at_s)
 
     def reading(self) -> ClockReading:
         return ClockReading(self.now_s(), self.utc_s(), "boot-1")

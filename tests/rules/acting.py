@@ -68,15 +68,12 @@ class Actor:
                 return self._abandoned(procedure, Done("refused", written=written))
             if step.then is not None and not self._see(step.then):
                 return self._abandoned(procedure, Done("unconfirmed", written=written))
-        if not procedure.steps:
-            return Done(
-                "unchanged" if procedure.is_unchanged else "confirmed",
-                "; ".join(note.text for note in procedure.notes),
-            )
-        is_seen = procedure.verify is not None and self._see(procedure.verify)
         said = "; ".join(note.text for note in procedure.notes)
-        end = Done("confirmed" if is_seen else "unconfirmed", said, written)
-        return end if is_seen else self._abandoned(procedure, end)
+        if not procedure.steps:
+            return Done("unchanged" if procedure.is_unchanged else "confirmed", said)
+        if procedure.verify is None or not self._see(procedure.verify):
+            return self._abandoned(procedure, Done("unconfirmed", said, written))
+        return Done("confirmed", said, written)
 
     def trip(self) -> None:
         self.unit.trip(12 if self.profile.family == "sst" else 3)
