@@ -40,10 +40,15 @@ def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, f
 
 
 class Program:
-    """A command of the gateway (or a server's script) as a process of its own, its output retained."""
+    """A command of the gateway, or of another program, as a process of its own, its output retained."""
 
-    def __init__(self, *arguments: str, environ: Mapping[str, str] | None = None) -> None:
-        self._arguments = arguments
+    def __init__(
+        self,
+        *arguments: str,
+        environ: Mapping[str, str] | None = None,
+        program: tuple[str, ...] = (sys.executable, "-m"),
+    ) -> None:
+        self._arguments = *program, *arguments
         self._environ = {**os.environ, **(environ or {})}
         self._process: asyncio.subprocess.Process | None = None
         self._reading: asyncio.Task[None] | None = None
@@ -52,8 +57,6 @@ class Program:
 
     async def __aenter__(self) -> Program:
         self._process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
             *self._arguments,
             env=self._environ,
             stdin=asyncio.subprocess.DEVNULL,
