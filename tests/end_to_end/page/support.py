@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -10,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pytest
 from playwright.async_api import Page, async_playwright, expect
 
 from gateway.system.password_hash import password_line
@@ -25,15 +23,6 @@ PATIENCE_MS = 20_000.0
 expect.set_options(timeout=PATIENCE_MS)
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-
-
-def need_chromium() -> None:
-    """Skip where there is no Chromium; in CI that is a failure."""
-    if CHROMIUM is None:
-        text = "not installed: chromium (apt-get install chromium)"
-        if os.environ.get("CI") == "true":
-            pytest.fail(text)
-        pytest.skip(text)
 
 
 @dataclass

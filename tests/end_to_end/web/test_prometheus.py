@@ -14,8 +14,8 @@ from typing import Any
 from tests.end_to_end.page.support import page_plant
 from tests.end_to_end.site import FOUR_FAMILIES, Program
 from tests.metrics.contrib import RULES, panel_expressions
-from tests.metrics.promtool import program
 from tests.mosquitto import StartMosquitto, free_port
+from tests.programs import program
 from tests.waiting import until
 
 METRICS = '\n[metrics]\nall_points = true\ntoken_file = "metrics.token"\n'
