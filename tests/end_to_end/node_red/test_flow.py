@@ -17,10 +17,10 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from tests.clients_page import FLOW
 from tests.end_to_end.plant import plant
 from tests.end_to_end.site import Program
 from tests.mosquitto import StartMosquitto, free_port
+from tests.reference.examples import FLOW
 
 FETCHED = Path(__file__).parents[3] / "build" / "node-red"
 PROGRAM = FETCHED / "node_modules" / "node-red" / "red.js"
