@@ -6,7 +6,8 @@
     coil 100 := 1; coil 100 := 1 1    writes one coil (FC05), several (FC15)
     VB01 = 4102h; coil 100 = 1 1      reads and compares
     VB01 & 81h = 80h                  compares some bits
-    07 00 00 -> 87 01                 sends the bytes of a request and compares those of the answer
+    07 00 00 -> 87 01                 sends the bytes of a request and compares those of the answer,
+                                      in which 'WEG' is a text behind its length
     P089 refused 2; P313 x3 refused 2; P000 := 1 refused 3; VB01 silent; VB03 := 1 sent
                                       the exception; no answer; whichever
     start; stop; run                  the family's command; a start and 10 s
@@ -99,8 +100,10 @@ def step(talk: Talk, line: str) -> None:
     elif rest == "s":
         talk.wait(float(word))
     elif "->" in rest:
-        sent, reply = map(bytes.fromhex, line.split("->"))
-        assert (unit.handle(sent, talk.now_s) or b"").hex(" ") == reply.hex(" "), line
+        sent, reply = line.split("->")
+        reply = re.sub("'(.*?)'", lambda text: f"{len(text[1]):02X}{text[1].encode().hex()}", reply)
+        said = unit.handle(bytes.fromhex(sent), talk.now_s) or b""
+        assert said.hex(" ") == bytes.fromhex(reply).hex(" "), line
     else:
         ask(talk, line)
 

@@ -76,6 +76,8 @@ RULES = {
         P200 refused 2; P215 refused 2; P200 := 0 refused 2; P215 := 0 refused 2""",
     "S6-20 running goes to 0 as soon as a stop is received": "run; stop; VB01 & 81h = 80h",
     "S6-21 other functions get exception 1": "DI0 refused 1; IR2 refused 1",
+    "S6-22 it says who it is": """
+        2B 0E 01 00 -> 2B 0E 01 81 00 00 03 00 'WEG' 01 'SSW-06 85.0A' 02 'V1.60'""",
     "S6-23 what is out of range, read-only or does not exist is refused": """
         P220 := 11 refused 3; VB06 := 0 refused 3; P089 := 0 refused 2; VB02 refused 2; coil 16 refused 2""",
     "W-09 an exception is the function with bit 7 and one code": "16 03 EB 00 00 00 00 -> 96 01",

@@ -110,7 +110,7 @@ RULES = {
     "S9-20 the counters are cyclic": "736 = 1; let received 0x1FFFF; 736 = 0",
     "W-09 an exception is the function with bit 7 and one code": "03 27 0F 00 01 -> 83 02",
     "it has functions 22, here bit 0 of word 685, and 43": """
-        2B 0E 01 00 -> 2B 0E 01 81 00 00 03 00 03 57 45 47 01 06 53 53 57 39 30 30 02 05 56 31 2E 32 30
+        2B 0E 01 00 -> 2B 0E 01 81 00 00 03 00 'WEG' 01 'SSW900' 02 'V1.20'
         see start_frames; 16 02 AD FF FE 00 01 -> 16 02 AD FF FE 00 01; see start_frames 0.0""",
     "address, speed and framing are parameters": """
         join 57600 8N1; 731 = 1 3; listens 57600 8N1; 732 := 0; ignores 57600 8N1; 731 := 9; see address 9
