@@ -30,10 +30,10 @@ from gateway.plugins.history.trips import NOTHING
 from gateway.starters import FINGERPRINTS, KNOWN, StarterSetup
 from gateway.starters.identity.registry import Fingerprint, Known
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document
-from gateway.system.clock import Clock
 from tests.contract.examples import TRIP
 from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, ReadMotor
 from tests.rig.sites import line, starter, table
+from tests.virtual_time import HandClock
 
 STARTER = "cooling-fan-2"
 DAY_S = 86400.0
@@ -70,18 +70,6 @@ STATISTICS = {  # of its line, at the end
 PUBLISHED = PublishedFacts(STATISTICS, {"firmware": "1.60", "rated_current_a": 200}, {"hours_total": 6012.0})
 
 
-class YearClock(Clock):
-    """Stands where the readings are."""
-
-    at_s = 0.0
-
-    def now_s(self) -> float:
-        return self.at_s
-
-    def utc_s(self, at_s: float | None = None) -> float:
-        return UTC_S + (self.at_s if at_s is None else at_s)
-
-
 class MemoryHistory:
     """Stands for the history's file: `stored` is what was put, by kind and id."""
 
@@ -100,7 +88,7 @@ class MemoryHistory:
 
 async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> list[HistoryRow]:
     """Let the motor live its year and return what the gateway would have stored."""
-    chance, clock, memory = random.Random(seed), YearClock(), MemoryHistory()
+    chance, clock, memory = random.Random(seed), HandClock(epoch_s=UTC_S), MemoryHistory()
     published: Any = SimpleNamespace(put=lambda _: None)
     store: Any = memory
     delivery = Delivery(RecordWriter(published, clock, boot="8c41d07e"), store, NO_OUTBOX)
@@ -113,7 +101,7 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> list[Hi
         for number in range(per_day):
             begin_s = BEGAN_S - UTC_S + day * DAY_S + 5 * 3600 + number * 5.5 * 3600 + chance.uniform(0, 1800)
             for readings in _start(begin_s, day, chance).replies(begin_s - 3.0, begin_s + 32.0):
-                clock.at_s = readings.at_s
+                clock.s = readings.at_s
                 history.take_readings(readings)
             starts, hours = starts + 1, hours + chance.uniform(4.0, 5.0)
             delivery.release()
