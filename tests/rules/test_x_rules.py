@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.families.command.procedures import build, verbs
+from gateway.families.command.procedures import build
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
@@ -63,11 +63,3 @@ def test_x_06_no_silence_is_expected_after_a_start() -> None:
     steps = build(load_profile("ssw06"), Variant(), "start", {}, seen={}).steps
 
     assert [step.is_silence_expected for step in steps] == [False]
-
-
-@pytest.mark.parametrize("family", FAMILIES)
-def test_x_08_no_verb_names_a_unit_and_none_is_a_broadcast(family: str) -> None:
-    assert all(
-        not set(command.args) & {"unit", "address"} for command in load_profile(family).commands.values()
-    )
-    assert not any("broadcast" in verb for verb in verbs(load_profile(family)))
