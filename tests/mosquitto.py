@@ -150,27 +150,19 @@ class MosquittoBroker:
         patience_s: float = PATIENCE_S,
     ) -> None:
         """Publish with mosquitto_pub, QoS 1; `options` are further arguments."""
-        command = [str(_find("mosquitto_pub")), *self._client_arguments(user), "-q", "1", "-t", topic]
-        what = ["-m", payload] if payload else ["-n"]
-        subprocess.run([*command, *what, *options], check=True, capture_output=True, timeout=patience_s)
-
-    def _client_arguments(self, user: tuple[str, str] | None) -> list[str]:
-        arguments = ["-h", self.host, "-p", str(self.port), "-V", "mqttv5"]
+        command = [str(_find("mosquitto_pub")), "-h", self.host, "-p", str(self.port), "-V", "mqttv5"]
         if self.tls is not None:
-            arguments += ["--cafile", str(self.tls.cert)]
+            command += ["--cafile", str(self.tls.cert)]
         if user is not None:
-            arguments += ["-u", user[0], "-P", user[1]]
-        return arguments
+            command += ["-u", user[0], "-P", user[1]]
+        command += ["-q", "1", "-t", topic, *(["-m", payload] if payload else ["-n"]), *options]
+        subprocess.run(command, check=True, capture_output=True, timeout=patience_s)
 
     def _write_passwords(self, users: Mapping[str, str]) -> Path:
         path = self._folder / "passwords"
         path.touch(mode=0o600)
-        for name, password in users.items():
-            subprocess.run(
-                [str(_find("mosquitto_passwd")), "-b", str(path), name, password],
-                check=True,
-                capture_output=True,
-            )
+        path.write_text("".join(f"{name}:{password}\n" for name, password in users.items()), "utf-8")
+        subprocess.run([str(_find("mosquitto_passwd")), "-U", str(path)], check=True, capture_output=True)
         return path
 
     def _is_listening(self) -> bool:
