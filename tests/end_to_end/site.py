@@ -15,6 +15,7 @@ from paho.mqtt import client as paho
 
 from tests.listener import BrokerListener
 from tests.rig.sites import ALICE, line, starter, table
+from tests.waiting import until
 
 PATIENCE_S = 20.0
 
@@ -51,7 +52,6 @@ class Program:
         self._environ = {**os.environ, **(environ or {})}
         self._process: asyncio.subprocess.Process | None = None
         self._reading: asyncio.Task[None] | None = None
-        self._spoke = asyncio.Event()
         self.output = ""
 
     async def __aenter__(self) -> Program:
@@ -75,13 +75,7 @@ class Program:
 
     async def says(self, text: str, *, within_s: float = PATIENCE_S) -> None:
         """Wait until the program has printed `text`."""
-        try:
-            async with asyncio.timeout(within_s):
-                while text not in self.output:
-                    self._spoke.clear()
-                    await self._spoke.wait()
-        except TimeoutError:
-            raise AssertionError(f"never said {text!r}:\n{self.output}") from None
+        await until(lambda: text in self.output, lambda: f"it says {text!r}:\n{self.output}", within_s)
 
     @property
     def pid(self) -> int:
@@ -106,7 +100,6 @@ class Program:
         assert self._process.stdout is not None
         while text := await self._process.stdout.readline():
             self.output += text.decode(errors="replace")
-            self._spoke.set()
 
 
 class Scada(BrokerListener):
