@@ -94,12 +94,12 @@ async def browser() -> AsyncIterator[Browser]:
             await chromium.close()
 
 
-async def logged_in(page: Page, password: str = PASSWORD) -> None:
+async def logged_in(page: Page, password: str = PASSWORD, user: str = USER) -> None:
     await page.click("#account")
-    await page.fill("input[name=user]", USER)
+    await page.fill("input[name=user]", user)
     await page.fill("input[name=password]", password)
     await page.click("#login-form button[type=submit]")
-    await page.get_by_role("button", name=f"{USER}: log out").wait_for()
+    await page.get_by_role("button", name=f"{user}: log out").wait_for()
 
 
 async def select_start(page: Page) -> tuple[float, float]:
