@@ -46,25 +46,12 @@ class Certificate:
 
     @classmethod
     def make_expired(cls, folder: Path) -> Certificate:
-        """Make one whose time has run out; only `openssl ca` takes dates of the past."""
-        cert, key, request, config = (folder / each for each in ("old.pem", "old.key", "old.csr", "ca.conf"))
-        (folder / "index.txt").touch()
-        config.write_text(
-            f"[ca]\ndefault_ca = here\n[here]\nnew_certs_dir = {folder}\ndatabase = {folder}/index.txt\n"
-            "rand_serial = yes\ndefault_md = sha256\npolicy = any\nx509_extensions = names\n"
-            "[any]\ncommonName = supplied\n[names]\nsubjectAltName = DNS:localhost,IP:127.0.0.1\n",
-            "utf-8",
-        )
-        curve = ("-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1")
-        new = ("openssl", "req", "-new", *curve, "-nodes")
-        sign = ("openssl", "ca", "-selfsign", "-batch", "-notext", "-config", str(config))
-        dates = ("-startdate", "20200101000000Z", "-enddate", "20200102000000Z")
-        for command in (
-            (*new, "-subj", "/CN=localhost", "-keyout", str(key), "-out", str(request)),
-            (*sign, *dates, "-keyfile", str(key), "-in", str(request), "-out", str(cert)),
-        ):
-            subprocess.run(command, check=True, capture_output=True)
-        return cls(cert, key)
+        """Make one that expired a day ago."""
+        made = cls.make(folder)
+        old = cls(folder / "old.pem", made.key.rename(folder / "old.key"))
+        sign = ("openssl", "x509", "-in", made.cert, "-signkey", old.key, "-days", "-1", "-out", old.cert)
+        subprocess.run(sign, check=True, capture_output=True)
+        return old
 
 
 class MosquittoBroker:
@@ -163,27 +150,19 @@ class MosquittoBroker:
         patience_s: float = PATIENCE_S,
     ) -> None:
         """Publish with mosquitto_pub, QoS 1; `options` are further arguments."""
-        command = [str(_find("mosquitto_pub")), *self._client_arguments(user), "-q", "1", "-t", topic]
-        what = ["-m", payload] if payload else ["-n"]
-        subprocess.run([*command, *what, *options], check=True, capture_output=True, timeout=patience_s)
-
-    def _client_arguments(self, user: tuple[str, str] | None) -> list[str]:
-        arguments = ["-h", self.host, "-p", str(self.port), "-V", "mqttv5"]
+        command = [str(_find("mosquitto_pub")), "-h", self.host, "-p", str(self.port), "-V", "mqttv5"]
         if self.tls is not None:
-            arguments += ["--cafile", str(self.tls.cert)]
+            command += ["--cafile", str(self.tls.cert)]
         if user is not None:
-            arguments += ["-u", user[0], "-P", user[1]]
-        return arguments
+            command += ["-u", user[0], "-P", user[1]]
+        command += ["-q", "1", "-t", topic, *(["-m", payload] if payload else ["-n"]), *options]
+        subprocess.run(command, check=True, capture_output=True, timeout=patience_s)
 
     def _write_passwords(self, users: Mapping[str, str]) -> Path:
         path = self._folder / "passwords"
         path.touch(mode=0o600)
-        for name, password in users.items():
-            subprocess.run(
-                [str(_find("mosquitto_passwd")), "-b", str(path), name, password],
-                check=True,
-                capture_output=True,
-            )
+        path.write_text("".join(f"{name}:{password}\n" for name, password in users.items()), "utf-8")
+        subprocess.run([str(_find("mosquitto_passwd")), "-U", str(path)], check=True, capture_output=True)
         return path
 
     def _is_listening(self) -> bool:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import asyncio
 from contextlib import suppress
-from types import TracebackType
 
 
 class Relay:
@@ -24,9 +23,7 @@ class Relay:
         await self.join()
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         await asyncio.sleep(0.05)  # in which the loop takes what had been accepted already
         self.cut()
         for task in self._tasks:

@@ -22,7 +22,7 @@ from typing import Any, NamedTuple
 from playwright.async_api import Browser, Page, async_playwright, expect
 
 from gateway.cli.report.html import to_html
-from tests.end_to_end.page.support import CHROMIUM
+from tests.end_to_end.page.support import CHROMIUM, logged_in
 from tests.end_to_end.site import Program
 from tests.history.year import lived, report_of
 from tests.history.year import write as write_year
@@ -31,7 +31,6 @@ FOLDER = Path(__file__).parent.parent / "docs" / "pictures"
 MOST_BYTES = 250_000
 MINUTES = 13.0  # then the sparklines' ten minutes are full
 TRIP_WITHIN_S = 180.0  # the plant's day has two minutes
-USER = PASSWORD = "demo"
 DESK = {"viewport": {"width": 1280, "height": 800}}
 PHONE = {"viewport": {"width": 360, "height": 740}, "device_scale_factor": 2}
 
@@ -59,7 +58,7 @@ PICTURES = (
 async def draw_report() -> None:
     """Write the picture of a health report."""
     with tempfile.TemporaryDirectory() as name:
-        path = await write_year(Path(name), (await lived()).rows)
+        path = await write_year(Path(name), await lived())
         text = to_html(report_of(path), language="en")
     async with async_playwright() as playwright:
         chromium = await playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
@@ -99,11 +98,7 @@ async def visitor(
     context = await chromium.new_context(**options)
     page = await context.new_page()
     await page.goto(url)
-    await page.click("#account")
-    await page.fill("input[name=user]", USER)
-    await page.fill("input[name=password]", PASSWORD)
-    await page.click("#login-form button[type=submit]")
-    await page.get_by_role("button", name="log out").wait_for()
+    await logged_in(page, password="demo", user="demo")
     await page.goto(url + view)
     await page.wait_for_timeout(1000.0)
     yield page

@@ -68,17 +68,6 @@ def test_no_test_module_is_imported() -> None:
     assert found == [], "helpers stand in modules of their own"
 
 
-def test_every_helper_that_modules_share_has_a_name_of_its_own() -> None:
-    owners: dict[str, list[str]] = defaultdict(list)
-    for path in MODULES:
-        if not is_test(path.stem):
-            for node in ast.parse(path.read_text("utf-8")).body:
-                if isinstance(node, ast.ClassDef):
-                    owners[node.name].append(str(path.relative_to(TESTS)))
-
-    assert {name: paths for name, paths in owners.items() if len(paths) > 1} == {}
-
-
 def test_only_tests_in_real_time_have_a_broker_or_sleep() -> None:
     found = [
         f"{path.relative_to(TESTS)}: {ast.unparse(node)}"

@@ -72,21 +72,31 @@ class VirtualTimeLoop(asyncio.SelectorEventLoop):
         self._jumping.skipped_s += seconds
 
 
-class VirtualClock:
-    """A gateway.system.clock.Clock that follows a loop's virtual time."""
+class HandClock:
+    """A gateway.system.clock.Clock that a test sets."""
 
-    def __init__(self, loop: asyncio.AbstractEventLoop, epoch_s: float = EPOCH_S) -> None:
-        self._loop = loop
-        self.epoch_s = epoch_s
+    def __init__(self, s: float = 0.0, *, epoch_s: float = EPOCH_S) -> None:
+        self.s, self._epoch_s = s, epoch_s
 
     def now_s(self) -> float:
-        return self._loop.time()
+        return self.s
 
     def utc_s(self, at_s: float | None = None) -> float:
-        return self.epoch_s + (self._loop.time() if at_s is None else at_s)
+        return self._epoch_s + (self.now_s() if at_s is None else at_s)
 
     def reading(self) -> ClockReading:
         return ClockReading(self.now_s(), self.utc_s(), "boot-1")
+
+
+class VirtualClock(HandClock):
+    """A clock that follows a loop's virtual time."""
+
+    def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
+        super().__init__()
+        self._loop = loop
+
+    def now_s(self) -> float:
+        return self._loop.time()
 
 
 def run_virtually(main: Coroutine[Any, Any, T]) -> T:

@@ -20,7 +20,8 @@ from gateway.modbus import adu
 from gateway.modbus.reads import ReadHoldingRegisters
 from gateway.system.clock import Clock
 from tests.config.sites import SITE
-from tests.tshark import dissect, need_tshark, summaries
+from tests.programs import program
+from tests.tshark import dissect, summaries
 
 EPOCH_S = 1_760_000_000.000001
 READ = ReadHoldingRegisters(3, 2)
@@ -78,7 +79,7 @@ def capture(config: Path, file: Path, *words: str) -> asyncio.Task[int]:
 async def test_a_capture_is_what_wireshark_reads_as_modbus_rtu(
     config: Path, path: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    need_tshark()
+    program("tshark")
     file = tmp_path / "line.pcapng"
 
     async with serving(path) as wanted:

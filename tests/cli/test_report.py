@@ -22,21 +22,21 @@ from gateway.families import LANGUAGES
 from gateway.starters import FINGERPRINTS, KNOWN
 from gateway.starters.identity.registry import Fingerprint, Known
 from gateway.store import STATE_FILE, HistoryRow, write_document
-from tests.history.year import STARTER, Year, lived, report_of, write
+from tests.history.year import STARTER, lived, report_of, write
 from tests.rig import run_cli
 
 EVIL = '<script>alert("1")</script>&'
 
 
 @pytest.fixture(scope="module")
-def year() -> Year:
+def year() -> list[HistoryRow]:
     """One start a day."""
     return asyncio.run(lived(per_day=1))
 
 
 @pytest.fixture(scope="module")
-def stored(year: Year, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return asyncio.run(write(tmp_path_factory.mktemp("year"), year.rows))
+def stored(year: list[HistoryRow], tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return asyncio.run(write(tmp_path_factory.mktemp("year"), year))
 
 
 def test_the_text_says_what_has_changed_and_by_how_much(stored: Path) -> None:
@@ -100,9 +100,9 @@ def test_the_plots_of_the_page_show_all_that_is_stored(stored: Path) -> None:
     ]
 
 
-def test_text_from_outside_is_escaped(year: Year, tmp_path: Path) -> None:
-    trip = next(row for row in year.rows if row.kind == "trip")
-    rows = [row for row in year.rows if row.kind != "trip"]
+def test_text_from_outside_is_escaped(year: list[HistoryRow], tmp_path: Path) -> None:
+    trip = next(row for row in year if row.kind == "trip")
+    rows = [row for row in year if row.kind != "trip"]
     rows.append(replace_data(trip, code=EVIL, text=EVIL, time=EVIL, state_before=EVIL))
     path = asyncio.run(write(tmp_path, rows))
     known = {STARTER: Known(Fingerprint(firmware=EVIL, serial=EVIL))}
@@ -115,13 +115,15 @@ def test_text_from_outside_is_escaped(year: Year, tmp_path: Path) -> None:
     assert page.count(escape(EVIL)) >= 5
 
 
-def test_a_setting_changed_at_the_starter_stands_among_those_of_commands(year: Year, tmp_path: Path) -> None:
+def test_a_setting_changed_at_the_starter_stands_among_those_of_commands(
+    year: list[HistoryRow], tmp_path: Path
+) -> None:
     def seen(id_: str, time: str, before: float, after: float) -> HistoryRow:
         values = {"before": {"value": before, "unit": "s"}, "after": {"value": after, "unit": "s"}}
         data = {"time": time, "parameter": "P102", "name": "acceleration ramp time", **values}
         return HistoryRow(STARTER, "setting", id_, data, 100)
 
-    rows = [*year.rows, seen("a", "2026-01-02T03:04:05.678Z", 20.0, 25.0)]
+    rows = [*year, seen("a", "2026-01-02T03:04:05.678Z", 20.0, 25.0)]
     rows.append(seen("b", "2030-01-02T03:04:05.678Z", 25.0, 10.0))
     rows.append(replace_data(rows[-1], before=None, after={"value": 7, "label": "Inactive", "unit": ""}))
     path = asyncio.run(write(tmp_path, rows))

@@ -9,7 +9,7 @@ import subprocess
 import tempfile
 import time
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -61,11 +61,8 @@ class Database:
 
     def run(self, text: str) -> list[list[Any]]:
         """Return the rows of a query."""
-        connection = self._connect()
-        try:
+        with closing(self._connect()) as connection:
             return list(connection.run(text) or ())
-        finally:
-            connection.close()
 
     def _connect(self) -> Connection:
         socket = f"{self._folder}/.s.PGSQL.5432"

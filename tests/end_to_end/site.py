@@ -9,13 +9,13 @@ import signal
 import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from paho.mqtt import client as paho
 
 from tests.listener import BrokerListener
 from tests.rig.sites import ALICE, line, starter, table
+from tests.waiting import until
 
 PATIENCE_S = 20.0
 
@@ -40,20 +40,22 @@ def site_config(*, broker_port: int, port: str, starters: str = FOUR_FAMILIES, f
 
 
 class Program:
-    """A command of the gateway (or a server's script) as a process of its own, its output retained."""
+    """A command of the gateway, or of another program, as a process of its own, its output retained."""
 
-    def __init__(self, *arguments: str, environ: Mapping[str, str] | None = None) -> None:
-        self._arguments = arguments
+    def __init__(
+        self,
+        *arguments: str,
+        environ: Mapping[str, str] | None = None,
+        program: tuple[str, ...] = (sys.executable, "-m"),
+    ) -> None:
+        self._arguments = *program, *arguments
         self._environ = {**os.environ, **(environ or {})}
         self._process: asyncio.subprocess.Process | None = None
         self._reading: asyncio.Task[None] | None = None
-        self._spoke = asyncio.Event()
         self.output = ""
 
     async def __aenter__(self) -> Program:
         self._process = await asyncio.create_subprocess_exec(
-            sys.executable,
-            "-m",
             *self._arguments,
             env=self._environ,
             stdin=asyncio.subprocess.DEVNULL,
@@ -63,9 +65,7 @@ class Program:
         self._reading = asyncio.create_task(self._read())
         return self
 
-    async def __aexit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
+    async def __aexit__(self, *_: object) -> None:
         assert self._process is not None
         assert self._reading is not None
         if self._process.returncode is None:
@@ -75,13 +75,7 @@ class Program:
 
     async def says(self, text: str, *, within_s: float = PATIENCE_S) -> None:
         """Wait until the program has printed `text`."""
-        try:
-            async with asyncio.timeout(within_s):
-                while text not in self.output:
-                    self._spoke.clear()
-                    await self._spoke.wait()
-        except TimeoutError:
-            raise AssertionError(f"never said {text!r}:\n{self.output}") from None
+        await until(lambda: text in self.output, lambda: f"it says {text!r}:\n{self.output}", within_s)
 
     @property
     def pid(self) -> int:
@@ -106,7 +100,6 @@ class Program:
         assert self._process.stdout is not None
         while text := await self._process.stdout.readline():
             self.output += text.decode(errors="replace")
-            self._spoke.set()
 
 
 class Scada(BrokerListener):

@@ -8,13 +8,14 @@ from pathlib import Path
 from tests.end_to_end.plant import plant
 from tests.end_to_end.site import Program
 from tests.mosquitto import StartMosquitto
-from tests.tshark import dissect, need_tshark
+from tests.programs import program
+from tests.tshark import dissect
 
 
 async def test_a_running_gateway_is_captured_as_modbus_rtu(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
-    need_tshark()
+    program("tshark")
     file = tmp_path / "hall.pcapng"
     async with (
         plant(start_mosquitto(), tmp_path) as (_, _, config),

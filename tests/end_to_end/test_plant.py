@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from tests.clients_page import example
 from tests.end_to_end.plant import STARTERS, plant
 from tests.mosquitto import StartMosquitto
+from tests.reference.examples import blocks
 
 
 @pytest.mark.long
@@ -39,7 +39,8 @@ async def test_the_example_for_mosquitto_pub_starts_and_stops(
     start_mosquitto: StartMosquitto, tmp_path: Path
 ) -> None:
     broker = start_mosquitto()
-    lines = [each for each in example("sh").splitlines() if "/result/" not in each]
+    (shown, *_) = blocks("clients.md", "sh")
+    lines = [each for each in shown.splitlines() if "/result/" not in each]
     script = "\n".join(lines).replace("B=starters/mcc1", "B=starters/plant").replace("pump-1", "pump")
     for program in ("mosquitto_sub", "mosquitto_pub"):
         script = script.replace(f"{program} ", f"{program} -p {broker.port} ")

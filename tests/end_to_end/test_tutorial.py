@@ -12,7 +12,7 @@ from pathlib import Path
 from gateway.config.reading import parse
 from tests.end_to_end.site import Program
 from tests.mosquitto import Certificate, MosquittoBroker, StartMosquitto, free_port
-from tests.reference import tutorial
+from tests.reference.examples import tutorial_commands, tutorial_config
 
 BASE = "starters/mcc1"
 WITHIN_S = 60.0
@@ -123,11 +123,11 @@ async def test_the_tutorial_ends_with_a_motor_that_ran(
         "[web] ": f'[web]\nlisten = "127.0.0.1:{free_port()}" ',
     }
     reader = Reader(tmp_path, changes)
-    (tmp_path / "site.toml").write_text(reader.adapted(tutorial.file("site.toml")), "utf-8")
+    (tmp_path / "site.toml").write_text(reader.adapted(tutorial_config()), "utf-8")
 
     async with AsyncExitStack() as stack:
         follower = Follower(reader, start_mosquitto, stack)
-        for line in tutorial.runnable():
+        for line in tutorial_commands():
             await follower.follow(line)
     printed = follower.printed
 

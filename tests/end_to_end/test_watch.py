@@ -18,6 +18,7 @@ import pytest
 from tests.end_to_end.plant import plant
 from tests.end_to_end.site import PATIENCE_S
 from tests.mosquitto import StartMosquitto, missing_programs
+from tests.waiting import until
 
 pytestmark = pytest.mark.skipif(bool(missing_programs()), reason="mosquitto is not installed")
 
@@ -30,7 +31,6 @@ class Terminal:
     def __init__(self, *arguments: str, path: str | None = None) -> None:
         self._arguments = arguments
         self._path = {} if path is None else {"PATH": path}
-        self._drawn = asyncio.Event()
         self.text = ""
 
     async def __aenter__(self) -> Terminal:
@@ -62,13 +62,9 @@ class Terminal:
     async def shows(self, pattern: str) -> None:
         """Wait until what is drawn from now on matches."""
         self.text = ""
-        try:
-            async with asyncio.timeout(PATIENCE_S):
-                while not re.search(pattern, self.text):
-                    self._drawn.clear()
-                    await self._drawn.wait()
-        except TimeoutError:
-            raise AssertionError(f"never showed {pattern!r}:\n{self.text[-4000:]}") from None
+        await until(
+            lambda: re.search(pattern, self.text), lambda: f"it shows {pattern!r}:\n{self.text[-4000:]}"
+        )
 
     def types(self, keys: str) -> None:
         os.write(self._ours, keys.encode())
@@ -76,7 +72,6 @@ class Terminal:
     def _read(self) -> None:
         try:
             self.text += _CONTROL.sub("", os.read(self._ours, 65536).decode(errors="replace"))
-            self._drawn.set()
         except OSError:  # its end
             asyncio.get_running_loop().remove_reader(self._ours)
 

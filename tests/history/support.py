@@ -14,7 +14,6 @@ from gateway.families.profile.load import load_profile
 from gateway.plugins.history.delivery import StoredRecords
 from gateway.plugins.history.start_recorder import StartPoints, StartRecorder
 from gateway.starters import Readings, Value
-from gateway.store import HistoryRow
 
 UTC_S = 1_795_222_000.0  # minus the steady clock
 POINTS = StartPoints.of(load_profile("ssw07"))
@@ -112,31 +111,6 @@ class ReadMotor:
             next_s = at_s + period_s * (1 + self.jitter * self.random.uniform(-1, 1))
             is_between = at_s < self.start.begin_s < next_s
             at_s = self.start.begin_s + READ_BACK_S if self.is_ours and is_between else next_s
-
-
-class NoFile:
-    """Stands for a file that has everything at once; `stored` is what was put, by kind and id."""
-
-    def __init__(self) -> None:
-        self.stored: dict[tuple[str, str], HistoryRow] = {}
-
-    def start(self, *_: object) -> None:
-        pass
-
-    def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
-        self.stored[row.kind, row.id] = row
-        for key in [key for key in self.stored if key[0] == row.kind][: -row.limit]:
-            del self.stored[key]
-
-    def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
-        if (kind, id_) in self.stored:
-            self.put(HistoryRow(starter, to_kind, id_, self.stored[kind, id_].data))
-
-    async def rows(self, starter: str, kinds: Sequence[str]) -> list[HistoryRow]:
-        return []
-
-    async def close(self, *, within_s: float) -> bool:
-        return True
 
 
 def stored_at_once(_: Record) -> Future[None]:

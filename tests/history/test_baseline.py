@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import random
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 import pytest
 
 from gateway.contract import StartRecord, read_stored, stored
 from gateway.plugins.history.baseline import FIRST, LAST, Month, Trend, TrendVerdict, month_of
+from tests.contract.examples import START
 
 
 def start(number: int, slower: float = 1.0, **other: Any) -> StartRecord:
@@ -20,14 +22,7 @@ def start(number: int, slower: float = 1.0, **other: Any) -> StartRecord:
         "peak_a": 350.0,
         "heating_pct": 10.0,
     }
-    return StartRecord(
-        starter="pump",
-        id=f"b-{number}",
-        time_s=1e9 + number,
-        boot="b",
-        seq=number,
-        **{"outcome": "full_voltage", **known, **other},
-    )
+    return replace(START, id=f"b-{number}", time_s=1e9 + number, **known | other)
 
 
 def verdicts(trend: Trend, slower: Callable[[int], float], numbers: range) -> list[TrendVerdict]:

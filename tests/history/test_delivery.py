@@ -1,14 +1,15 @@
 """What a kill has left in the outbox, and the history lacks."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from gateway.contract import StartRecord
-from gateway.plugins.history.delivery import Delivery, StoredRecords
+from gateway.plugins.history.delivery import Delivery
 from gateway.store import HistoryRow
-from tests.history.support import stored_at_once
+from tests.history.support import NO_OUTBOX
 
 
 @pytest.mark.parametrize(
@@ -27,9 +28,8 @@ async def test_what_is_lacking_came_after_the_newest_that_is_there(
         asked.extend(keys)
         return {}
 
-    outbox = StoredRecords(keep=stored_at_once, payloads=payloads, let_go=lambda _: None)
     parts: Any = SimpleNamespace(boot="new"), SimpleNamespace(rows=rows)
-    delivery = Delivery(*parts, outbox)
+    delivery = Delivery(*parts, replace(NO_OUTBOX, payloads=payloads))
     delivery.note_left([f"p:start/{id_}" for id_ in left], ["p"])
 
     assert await delivery.take_left("p", StartRecord) == []

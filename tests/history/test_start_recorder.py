@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from gateway.contract import Cause
@@ -55,26 +57,47 @@ def test_a_start_that_the_starter_has_refused_is_not_ours() -> None:
     assert summary.cause == Cause("command", "alice", "c1")
 
 
-def test_a_gap_in_the_samples_leaves_out_what_cannot_be_computed() -> None:
-    motor = ReadMotor(AnalyticStart(begin_s=20.3), lost=(22.0, 26.0), is_ours=True)
+START, NEAR_350 = AnalyticStart(begin_s=20.3), pytest.approx(350.0)
+WHOLE = {
+    "peak_a": NEAR_350,
+    "i2t_a2s": pytest.approx(START.i2t_a2s(), rel=WITHIN),
+    "mean_a": pytest.approx(START.mean_a(), rel=WITHIN),
+}
+CUT = {"acceleration_s": None, "peak_a": NEAR_350, "i2t_a2s": pytest.approx(350.0**2 * 3.4, rel=0.15)}
+GAP = {"acceleration_s": pytest.approx(8.0, rel=WITHIN), "i2t_a2s": None, "peak_a": NEAR_350}
+UNSEEN = {"acceleration_s": None, "standstill_s": None, "i2t_a2s": None}
+TRIPS = {"cut_s": 24.0, "cut_state": "fault", "is_ours": False}
 
-    summary = sole(records(motor))
 
-    assert summary.outcome == "full_voltage"
-    assert summary.acceleration_s == pytest.approx(8.0, rel=WITHIN)
-    assert summary.i2t_a2s is None
-    assert summary.peak_a is not None
+def motor(**options: Any) -> ReadMotor:
+    return ReadMotor(**{"start": START, "is_ours": True, **options})
 
 
-def test_a_start_whose_beginning_was_not_seen_has_no_acceleration_time() -> None:
-    one = recorder()
-    motor = ReadMotor(AnalyticStart(begin_s=-2.0))
+FED = sum("current" in each.values and 20.3 <= each.at_s < 24.0 for each in motor(**TRIPS).replies(0.0, 60.0))
 
-    summary = sole(records(motor, one=one))
 
-    assert (summary.outcome, summary.acceleration_s) == ("full_voltage", None)
-    assert summary.standstill_s is None
-    assert summary.i2t_a2s is None
+@pytest.mark.parametrize(
+    ("options", "wrong", "found"),
+    [  # of a motor, the currents that are read wrongly, and what its record has
+        ({}, {}, {"outcome": "full_voltage", **WHOLE}),
+        *(
+            ({}, wrong, {"outliers": len(wrong), **WHOLE})  # what cannot be is counted and enters nothing
+            for wrong in ({12: 6553.5}, {12: 6553.5, 13: 6553.5}, {0: 6553.5}, {10: 3500.0, 40: 900.0})
+        ),
+        ({"fast_s": 0.1}, {0: 900.0}, {"outliers": 0, "peak_a": 900.0}),  # a kick start
+        (TRIPS, {FED - 1: 980.0}, {"outliers": 0, "peak_a": 980.0}),  # this current trips the starter
+        *(({"cut_s": 24.0, "cut_state": state}, {}, CUT) for state in ("fault", "stopping")),
+        ({"lost": (22.0, 26.0)}, {}, {"outcome": "full_voltage", **GAP}),
+        ({"start": AnalyticStart(-2.0), "is_ours": False}, {}, {"outcome": "full_voltage", **UNSEEN}),
+    ],
+)
+def test_a_record_has_what_can_be_computed_of_what_was_read(
+    options: dict[str, Any], wrong: dict[int, float], found: dict[str, Any]
+) -> None:
+    summary = sole(records(motor(**options), wrong=wrong))
+
+    assert {name: getattr(summary, name) for name in found} == found
+    assert max(filter(None, summary.samples["current"])) == summary.peak_a
 
 
 def test_the_time_before_a_start_that_was_announced_is_no_acceleration() -> None:
@@ -115,35 +138,6 @@ def test_the_heating_is_the_rise_of_the_thermal_level_and_the_lowest_voltage_tha
 
     assert (summary.heating_pct, summary.lowest_v) == (19.0, 371.0)
     assert summary.samples["thermal"][-1] == 31.0
-
-
-@pytest.mark.parametrize(
-    "wrong", [{12: 6553.5}, {12: 6553.5, 13: 6553.5}, {0: 6553.5}, {10: 3500.0, 40: 900.0}]
-)
-def test_a_current_that_cannot_be_is_counted_and_enters_nothing(wrong: dict[int, float]) -> None:
-    start = AnalyticStart(begin_s=20.3)
-    motor = ReadMotor(start, is_ours=True)
-
-    summary = sole(records(motor, wrong=wrong))
-
-    assert summary.outliers == len(wrong)
-    assert summary.peak_a == pytest.approx(start.peak_a)
-    assert summary.i2t_a2s == pytest.approx(start.i2t_a2s(), rel=WITHIN)
-    assert summary.mean_a == pytest.approx(start.mean_a(), rel=WITHIN)
-    assert max(value for value in summary.samples["current"] if value is not None) == pytest.approx(350.0)
-
-
-def test_a_kick_start_and_the_current_that_trips_the_starter_are_real() -> None:
-    start = AnalyticStart(begin_s=20.3)
-    kicked = sole(records(ReadMotor(start), wrong={0: 700.0}))
-    motor = ReadMotor(start, cut_s=24.0, cut_state="fault")
-    fed = sum(
-        "current" in each.values and start.begin_s <= each.at_s < 24.0 for each in motor.replies(0.0, 60.0)
-    )
-    tripped = sole(records(motor, wrong={fed - 1: 980.0}))
-
-    assert (kicked.outliers, kicked.peak_a) == (0, 700.0)
-    assert (tripped.outliers, tripped.peak_a) == (0, 980.0)
 
 
 @pytest.mark.parametrize("fast_s", [0.1, 0.25, 0.5, 1.0])
@@ -230,13 +224,3 @@ def test_another_start_is_local_or_remote_as_the_starter_shows(remote: bool | No
     assert lost.cause.source == source
     assert lost.standstill_s == pytest.approx(87.0)
     assert (lost.acceleration_s, lost.peak_a, lost.samples["t_s"]) == (None, None, ())
-
-
-@pytest.mark.parametrize("state", ["fault", "stopping"])
-def test_a_start_that_is_cut_has_its_peak_and_heat_but_no_acceleration_time(state: str) -> None:
-    motor = ReadMotor(AnalyticStart(begin_s=20.3), cut_s=24.0, cut_state=state, is_ours=True)
-
-    summary = sole(records(motor))
-
-    assert (summary.acceleration_s, summary.peak_a) == (None, pytest.approx(350.0))
-    assert summary.i2t_a2s == pytest.approx(350.0**2 * 3.4, rel=0.15)

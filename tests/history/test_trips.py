@@ -1,14 +1,16 @@
 """The last minute of readings, and the record of a trip that fits into 16 KB."""
 
 import random
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from gateway.contract import ReadingTable, TripRecord
+from gateway.contract import ReadingTable
 from gateway.plugins.history.ring import BEFORE_S, ReadingRing
 from gateway.plugins.history.trips import MOST_BYTES, fitted
+from tests.contract.examples import TRIP
 
 
 def filled(every_s: float, until_s: float, **points: object) -> ReadingRing:
@@ -80,21 +82,9 @@ def test_a_record_has_at_most_16_kilobytes_and_still_the_10_seconds_before(point
     chance = random.Random(1)
     t_s = tuple(round(-60 + 62 * row / rows, 3) for row in range(rows))
     columns = {f"point_{n}": tuple(round(chance.uniform(0, 999), 1) for _ in t_s) for n in range(points)}
-    large = TripRecord(
-        starter="pump",
-        id="b-1",
-        time_s=1_795_222_923.456,
-        boot="b",
-        seq=1,
-        code="f005",
-        text="Motor overload",
-        state_before="running",
-        readings=ReadingTable(t_s, columns, {}),
-        at_fault={f"D{n}": {"value": n, "unit": "A", "name": "x" * 40} for n in range(20)},
-        fault_history=(),
-    )
+    at_fault = {f"D{n}": {"value": n, "unit": "A", "name": "x" * 40} for n in range(20)}
 
-    found = fitted(large)
+    found = fitted(replace(TRIP, readings=ReadingTable(t_s, columns, {}), at_fault=at_fault))
 
     assert len(found.payload()) <= MOST_BYTES
     assert found.readings.t_s[0] <= -10.0 + 2.0

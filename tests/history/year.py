@@ -10,7 +10,7 @@ import random
 import sqlite3
 from collections.abc import Sequence
 from contextlib import closing
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,7 +20,7 @@ from gateway.cli.command import place_of
 from gateway.cli.report.document import ReportDocument, document_of
 from gateway.cli.report.facts import PublishedFacts, facts_of
 from gateway.config.reading import load
-from gateway.contract import EventRecord, Record, RecordWriter, rfc3339, stored
+from gateway.contract import RecordWriter, rfc3339, stored
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.modbus.timing import Framing, LineTiming
@@ -30,10 +30,10 @@ from gateway.plugins.history.trips import NOTHING
 from gateway.starters import FINGERPRINTS, KNOWN, StarterSetup
 from gateway.starters.identity.registry import Fingerprint, Known
 from gateway.store import HISTORY_FILE, STATE_FILE, HistoryRow, HistoryStore, write_document
-from gateway.system.clock import Clock
 from tests.contract.examples import TRIP
-from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, NoFile, ReadMotor
+from tests.history.support import NO_OUTBOX, UTC_S, AnalyticStart, ReadMotor
 from tests.rig.sites import line, starter, table
+from tests.virtual_time import HandClock
 
 STARTER = "cooling-fan-2"
 DAY_S = 86400.0
@@ -70,34 +70,27 @@ STATISTICS = {  # of its line, at the end
 PUBLISHED = PublishedFacts(STATISTICS, {"hours_total": 6012.0})
 
 
-class YearClock(Clock):
-    """Stands where the readings are."""
+class MemoryHistory:
+    """Stands for the history's file: `stored` is what was put, by kind and id."""
 
-    at_s = 0.0
+    def __init__(self) -> None:
+        self.stored: dict[tuple[str, str], HistoryRow] = {}
 
-    def now_s(self) -> float:
-        return self.at_s
+    def put(self, row: HistoryRow, *, is_urgent: bool = False) -> None:
+        self.stored[row.kind, row.id] = row
+        for key in [key for key in self.stored if key[0] == row.kind][: -row.limit]:
+            del self.stored[key]
 
-    def utc_s(self, at_s: float | None = None) -> float:
-        return UTC_S + (self.at_s if at_s is None else at_s)
-
-
-@dataclass
-class Year:
-    """What was stored, and what was published on the way."""
-
-    rows: list[HistoryRow]
-    events: list[EventRecord]
+    def copy(self, starter: str, kind: str, id_: str, to_kind: str) -> None:
+        if (kind, id_) in self.stored:
+            self.put(HistoryRow(starter, to_kind, id_, self.stored[kind, id_].data))
 
 
-async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
+async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> list[HistoryRow]:
     """Let the motor live its year and return what the gateway would have stored."""
-    chance = random.Random(seed)
-    clock, memory, records = YearClock(), NoFile(), _Records()
-    writer: Any = RecordWriter(clock, log_failure, boot="8c41d07e")
-    writer.connect(records)
+    chance, clock, memory = random.Random(seed), HandClock(epoch_s=UTC_S), MemoryHistory()
     store: Any = memory
-    delivery = Delivery(writer, store, NO_OUTBOX)
+    delivery = Delivery(RecordWriter(clock, log_failure, boot="8c41d07e"), store, NO_OUTBOX)
     profile, timing = load_profile("ssw07"), LineTiming(19200, Framing.parse("8E1"))
     setup = StarterSetup(STARTER, "cooling", 7, profile, Variant(rated_current_a=200.0), timing)
     history = MotorStarts(setup, delivery, lambda _: None)
@@ -107,14 +100,13 @@ async def lived(*, days: int = DAYS, per_day: int = 3, seed: int = 7) -> Year:
         for number in range(per_day):
             begin_s = BEGAN_S - UTC_S + day * DAY_S + 5 * 3600 + number * 5.5 * 3600 + chance.uniform(0, 1800)
             for readings in _start(begin_s, day, chance).replies(begin_s - 3.0, begin_s + 32.0):
-                clock.at_s = readings.at_s
+                clock.s = readings.at_s
                 history.take_readings(readings)
             starts, hours = starts + 1, hours + chance.uniform(4.0, 5.0)
             delivery.release()
     history.close()
     delivery.release()
-    rows = [*memory.stored.values(), *_trips(), _counters(starts, hours)]
-    return Year(rows, [each for each in records.found if isinstance(each, EventRecord)])
+    return [*memory.stored.values(), *_trips(), _counters(starts, hours)]
 
 
 def _start(begin_s: float, day: int, chance: random.Random) -> ReadMotor:
@@ -150,14 +142,6 @@ def _counters(starts: int, hours: float) -> HistoryRow:
         "trips": {"e05": 2, "e03": 1},
     }
     return HistoryRow(STARTER, "counters", "8c41d07e", {"totals": totals, "thermal": {}})
-
-
-class _Records:
-    def __init__(self) -> None:
-        self.found: list[Record] = []
-
-    def put(self, record: Record) -> None:
-        self.found.append(record)
 
 
 async def write(folder: Path, rows: Sequence[HistoryRow], *, port: int = 1) -> Path:

@@ -10,7 +10,6 @@ import tty
 from dataclasses import dataclass
 from itertools import pairwise
 from pathlib import Path
-from types import TracebackType
 
 import serial
 
@@ -49,9 +48,7 @@ class LineTap:
         self._copier.start()
         return self
 
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, where: TracebackType | None
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         self._is_over = True
         self._copier.join(10.0)
         self._theirs.close()

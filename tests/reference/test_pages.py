@@ -9,8 +9,8 @@ from gateway.config.reading import parse
 from gateway.config.schema import TABLES
 from tests.reference.commands_page import page, parsers, unexplained
 from tests.reference.configuration_page import tables
+from tests.reference.examples import tutorial_commands, tutorial_config
 from tests.reference.pages import FOLDER, NAMES, made, with_part
-from tests.reference.tutorial import file, runnable
 
 
 @pytest.mark.parametrize("name", NAMES)
@@ -39,8 +39,8 @@ def test_every_table_and_every_key_has_a_description_and_a_time_its_unit() -> No
 
 
 def test_the_tutorial_configures_two_pumps_and_starts_no_motor_before_a_stop_was_confirmed() -> None:
-    config = parse(file("site.toml"), "site.toml")
-    sent = [line.split()[4] for line in runnable() if line.startswith("starter-gateway send")]
+    config = parse(tutorial_config(), "site.toml")
+    sent = [line.split()[4] for line in tutorial_commands() if line.startswith("starter-gateway send")]
 
     assert [starter.name for starter in config.lines[0].starters] == ["pump-1", "pump-2"]
     assert (sent[:2], sent[-1]) == (["stop", "start"], "stop")

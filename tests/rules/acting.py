@@ -14,20 +14,13 @@ from gateway.families.profile.load import load_profile
 from gateway.families.profile.procedure import Expect, Procedure, Read
 from gateway.families.profile.schema import Variant
 from gateway.families.reading import rows_in
-from gateway.modbus.pdu import Request, exception_code
-from gateway.modbus.writes import WriteCoil, WriteRegister
+from gateway.modbus.pdu import exception_code
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
 from tests.sim.wire import Talk
 
 PAUSE_S = 0.1
 SLOT_1 = Variant(slot=1)
-RAW_START: dict[str, Request] = {
-    "ssw06": WriteRegister(5003, 0x0101),
-    "ssw07": WriteCoil(100, is_on=True),
-    "ssw900": WriteRegister(685, 0x0013),
-    "sst": WriteCoil(0, is_on=True),
-}
 
 Rows = dict[str, tuple[int, ...]]
 
@@ -75,15 +68,15 @@ class Actor:
                 return self._abandoned(procedure, Done("refused", written=written))
             if step.then is not None and not self._see(step.then):
                 return self._abandoned(procedure, Done("unconfirmed", written=written))
-        if not procedure.steps:
-            return Done(
-                "unchanged" if procedure.is_unchanged else "confirmed",
-                "; ".join(note.text for note in procedure.notes),
-            )
-        is_seen = procedure.verify is not None and self._see(procedure.verify)
         said = "; ".join(note.text for note in procedure.notes)
-        end = Done("confirmed" if is_seen else "unconfirmed", said, written)
-        return end if is_seen else self._abandoned(procedure, end)
+        if not procedure.steps:
+            return Done("unchanged" if procedure.is_unchanged else "confirmed", said)
+        if procedure.verify is None or not self._see(procedure.verify):
+            return self._abandoned(procedure, Done("unconfirmed", said, written))
+        return Done("confirmed", said, written)
+
+    def trip(self) -> None:
+        self.unit.trip(12 if self.profile.family == "sst" else 3)
 
     def read(self, reads: Sequence[Read]) -> Rows:
         """Return freshly read rows; CommandError when one is refused or not answered."""

@@ -9,23 +9,18 @@ from typing import Any
 
 import pytest
 
-from gateway.modbus.writes import WriteCoil, WriteRegister
-from gateway.sim.weg.common import REMOTE_SOURCE
 from gateway.sim.weg.ssw07 import Ssw07
-from tests.rules.acting import RAW_START, Actor
+from tests.rules.acting import Actor
+from tests.sim.script import step
 
 WEG = ("ssw06", "ssw07", "ssw900")
 TO_REMOTE, TO_LOCAL = ("local_remote", {"value": "remote"}), ("local_remote", {"value": "local"})
 RESET = ("reset", {})
-BARE_RESET = {
-    "ssw07": (WriteCoil(107, is_on=False), WriteCoil(107, is_on=True)),
-    "ssw900": (WriteRegister(685, 0x0013), WriteRegister(685, 0x0093)),
-    "sst": (WriteCoil(2, is_on=True),),
+BARE_RESET = {  # an SSW-06 restarts, and forgets
+    "ssw07": ("coil 107 := 0", "coil 107 := 1"),
+    "ssw900": ("685 := 13h", "685 := 93h"),
+    "sst": ("coil 3 := 1",),
 }
-
-
-def trip(actor: Actor) -> None:
-    actor.unit.trip(12 if actor.profile.family == "sst" else 3)
 
 
 def disable(actor: Actor) -> None:
@@ -33,18 +28,17 @@ def disable(actor: Actor) -> None:
 
 
 def open_enable_input(actor: Actor) -> None:
-    unit: Any = actor.unit
-    unit.set_enable_input(is_on=False)
+    step(actor.talk, "do set_enable_input is_on=False")
 
 
 def adjust(actor: Actor) -> None:
-    actor.talk.ask(WriteRegister(202, 3))
+    step(actor.talk, "P202 := 3")
 
 
 def take_source_away(actor: Actor) -> None:
     """Give the commands to another source, and end the motion; what was commanded stands."""
     unit: Any = actor.unit
-    actor.talk.ask(WriteRegister(REMOTE_SOURCE, 0))
+    step(actor.talk, "P230 := 0")
     unit.motor.cut()
     unit.command |= 0x01
 
@@ -60,15 +54,15 @@ SOURCES = {
     "ssw900": [change("C3.1", 9), change("C3.2", 4), change("C3.3", 5), change("C4.1.1", 4)],
 }
 CASES = [  # the family, what ends the motion, what is commanded then
-    *((family, trip, RESET) for family in (*WEG, "sst")),
+    *((family, Actor.trip, RESET) for family in (*WEG, "sst")),
     *((family, disable, ("general_enable", {"value": True})) for family in WEG),
-    *((family, trip, TO_LOCAL, RESET, TO_REMOTE) for family in WEG),
+    *((family, Actor.trip, TO_LOCAL, RESET, TO_REMOTE) for family in WEG),
     *((family, open_enable_input, command) for family in WEG for command in SOURCES[family]),
     *((family, open_enable_input, ("direction", {"value": "reverse"})) for family in WEG),
     *((family, take_source_away, change("P230", 2)) for family in ("ssw06", "ssw07")),
     ("ssw06", adjust, ("configure", {"leave": "P202"})),
-    ("sst", trip, ("reset", {"whole": True})),
-    ("sst", trip, ("configure", {})),
+    ("sst", Actor.trip, ("reset", {"whole": True})),
+    ("sst", Actor.trip, ("configure", {})),
 ]
 
 
@@ -109,15 +103,15 @@ def test_what_takes_a_hindrance_away_starts_no_motor_whose_run_command_still_sta
     assert actor.unit.start_frames == []
 
 
-@pytest.mark.parametrize("family", ["ssw07", "ssw900", "sst"])  # an SSW-06 restarts, and forgets
+@pytest.mark.parametrize("family", BARE_RESET)
 def test_without_run_0_these_simulated_starters_would_start(family: str) -> None:
     """The bare reset of the manual starts the motor: what the tests above are worth."""
     actor = standing(family)
-    trip(actor)
+    actor.trip()
     rest(actor)
 
-    for request in BARE_RESET[family]:
-        actor.talk.ask(request)
+    for line in BARE_RESET[family]:
+        step(actor.talk, line)
     actor.talk.wait(30.0)
 
     assert actor.unit.motor.is_turning
@@ -147,4 +141,4 @@ def test_a_run_command_that_was_deaf_to_the_first_run_0_is_taken_back_at_once() 
 
     assert done.end in ("confirmed", "unconfirmed")
     assert not unit.motor.is_turning
-    assert RAW_START["ssw07"].encode().hex() not in done.written
+    assert "050064ff00" not in done.written  # a start

@@ -6,12 +6,17 @@
     coil 100 := 1; coil 100 := 1 1    writes one coil (FC05), several (FC15)
     VB01 = 4102h; coil 100 = 1 1      reads and compares
     VB01 & 81h = 80h                  compares some bits
+    07 00 00 -> 87 01                 sends the bytes of a request and compares those of the answer,
+                                      in which 'WEG' is a text behind its length
     P089 refused 2; P313 x3 refused 2; P000 := 1 refused 3; VB01 silent; VB03 := 1 sent
                                       the exception; no answer; whichever
     start; stop; run                  the family's command; a start and 10 s
     see motor.state ramp_down; see starts 0.0; trips E28@5.0
                                       looks at the simulated starter itself
     do set_control usb                calls it, as somebody beside it does
+    let received 7                    sets what is within it
+    join 19200 8E1; listens 19200 8E1; ignores 9600 8N2
+                                      is put on a line; whether it understands one
     trip E05; keypad start            a knob of `gateway.sim.controls`
 
 `P`, `VB` are parameters and variables of a WEG starter, `R` registers of an SST, a bare number a net id,
@@ -31,6 +36,7 @@ import pytest
 
 from gateway.modbus.pdu import Request, exception_code
 from gateway.modbus.reads import ReadCoils, ReadDiscreteInputs, ReadHoldingRegisters, ReadInputRegisters
+from gateway.modbus.timing import Framing, LineTiming
 from gateway.modbus.writes import WriteCoil, WriteCoils, WriteRegister, WriteRegisters
 from gateway.sim.controls import KNOBS, set_knob
 from gateway.sim.core.unit import SimulatedUnit
@@ -81,12 +87,31 @@ def step(talk: Talk, line: str) -> None:
         assert [f"{trip.code}@{trip.at_s}" for trip in unit.trips] == rest.replace("-", "").split(), line
     elif word == "do":
         do(unit, rest)
+    elif word == "let":
+        path, value = rest.split()
+        owner, _, name = f"unit.{path}".rpartition(".")
+        setattr(attrgetter(owner)(talk), name, ast.literal_eval(value))
+    elif word == "join":
+        unit.join(timing_of(rest))
+    elif word in ("listens", "ignores"):
+        assert unit.listens_to(timing_of(rest)) is (word == "listens"), line
     elif word in KNOBS:
         set_knob(unit, word, rest)
     elif rest == "s":
         talk.wait(float(word))
+    elif "->" in rest:
+        sent, reply = line.split("->")
+        reply = re.sub("'(.*?)'", lambda text: f"{len(text[1]):02X}{text[1].encode().hex()}", reply)
+        said = unit.handle(bytes.fromhex(sent), talk.now_s) or b""
+        assert said.hex(" ") == bytes.fromhex(reply).hex(" "), line
     else:
         ask(talk, line)
+
+
+def timing_of(text: str) -> LineTiming:
+    """Return the timing of a line as `19200 8E1`."""
+    baud, framing = text.split()
+    return LineTiming(int(baud), Framing.parse(framing))
 
 
 def do(unit: SimulatedUnit, call: str) -> None:

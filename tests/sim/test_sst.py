@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.sim.script import play, rules, step
+from tests.sim.script import play, rules
 
 IDLE = "coil 1 = 0 0 0 0 1 1; coil 26 = 1"  # configured, and ready to start; coil 6 is always 1
 BLANK = "coil 1 = 0 0 0 0 0 1; coil 26 = 0"
@@ -102,19 +102,16 @@ RULES = {
         given R40=2
         trip 12; 30 s; R15 = 30 1; 91 s; {IDLE}; R15 = 0 0""",
     "a capacitor that was never charged is empty": "given model='SST130i-75-M'; see capacitor_v 0.0; R20 = 0",
+    "ST-21 the heatsink temperature is a signed low byte": "let motor.heatsink_c -1.0; R13 = FFh",
+    "ST-26 an answer repeats the request, filled in": """
+        05 00 02 FF 00 -> 05 00 02 FF 00; 01 00 04 00 01 -> 01 01 01; 04 00 29 00 01 -> 04 02 00 00""",
+    "ST-26 an error is answered with 80h and its code": "06 00 00 00 01 -> 86 02",
 }
 
 
 @pytest.mark.parametrize(("family", "script"), rules("sst", RULES))
 def test_the_sst_keeps_the_rules_of_its_manual(family: str, script: str) -> None:
     play(family, script)
-
-
-def test_st_21_the_heatsink_temperature_is_a_signed_low_byte() -> None:
-    talk = play("sst", "R19 = 0")
-    talk.unit.motor.heatsink_c = -1.0
-
-    step(talk, "R13 = FFh")
 
 
 @pytest.mark.parametrize(("model", "factor"), [("SST330i", 1.0), ("SST130i-75-M", 1.2)])

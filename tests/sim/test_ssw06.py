@@ -76,10 +76,22 @@ RULES = {
         P200 refused 2; P215 refused 2; P200 := 0 refused 2; P215 := 0 refused 2""",
     "S6-20 running goes to 0 as soon as a stop is received": "run; stop; VB01 & 81h = 80h",
     "S6-21 other functions get exception 1": "DI0 refused 1; IR2 refused 1",
+    "S6-22 it says who it is": """
+        2B 0E 01 00 -> 2B 0E 01 81 00 00 03 00 'WEG' 01 'SSW-06 85.0A' 02 'V1.60'""",
     "S6-23 what is out of range, read-only or does not exist is refused": """
         P220 := 11 refused 3; VB06 := 0 refused 3; P089 := 0 refused 2; VB02 refused 2; coil 16 refused 2""",
+    "W-09 an exception is the function with bit 7 and one code": "16 03 EB 00 00 00 00 -> 96 01",
+    "X-01 (motor) the word that runs an SSW-07 in local mode does nothing here": """
+        given P229=2 P220=0
+        VB03 := 3; see motor.is_turned_on False""",
     "reversal and direction have their bits": """
         run; VB03 := 0808h; VB01 & C00h = 400h; 5 s; VB01 & C00h = 800h; see motor.is_turned_on True""",
+}
+SERIAL = [f"{baud} {framing}" for baud in (9600, 19200, 38400) for framing in ("8N2", "8O1", "8E1")]
+RULES |= {
+    f"S6-24 P312 = {number} is {own}": f"join {own}; P312 = {number}; listens {own}; "
+    + "; ".join(f"ignores {other}" for other in SERIAL if other != own)
+    for number, own in enumerate(SERIAL, 1)
 }
 
 

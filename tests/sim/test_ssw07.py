@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from gateway.modbus.timing import Framing, LineTiming
-from tests.sim.script import play, rules, step
+from tests.sim.script import play, rules
 
 RULES = {
     "a start by coil leads to the ramp and the bypass": """
@@ -80,6 +79,24 @@ RULES = {
     "S7-11 P000 is taken, but not stored": "P000 := 5; P000 = 0",
     "S7-11 P200 and P215 cannot be reached": "P200 refused 2; P215 := 0 refused 2",
     "S7-12 other functions get exception 1": "R2 refused 1",
+    "W-09 an exception is the function with bit 7 and one code": """
+        07 00 00 -> 87 01; 03 03 21 00 01 -> 83 02; 06 01 3A 03 E8 -> 86 03""",
+    "X-01 (motor) the word that an SSW-06 ignores runs this one, in local mode too": """
+        given P229=2 P220=0
+        VB03 := 3; see motor.is_turned_on True""",
+    "address, speed and framing are parameters": """
+        join 19200 8E1; P312 = 6; listens 19200 8E1; P312 := 1; ignores 19200 8E1; P308 := 9; see address 9
+        join 115200 8N1; listens 115200 8N1""",
+    "S7-13 it says who it is": """
+        given model='SSW-07 45.0A'
+        2B 0E 01 00 -> 2B 0E 01 51 00 00 03 00 'WEG' 01 'SSW-07 45.0A' 02 'V1.40'""",
+    "S7-13 an SSW-08 says so": """
+        given model='SSW-08 17A'
+        2B 0E 01 00 -> 2B 0E 01 51 00 00 03 00 'WEG' 01 'SSW-08 17.0A' 02 'V1.40'""",
+    "S7-13 it says so from an object on, or of one alone; other objects and codes are refused": """
+        2B 0E 01 01 -> 2B 0E 01 51 00 00 02 01 'SSW-07 85.0A' 02 'V1.40'
+        2B 0E 01 09 -> 2B 0E 01 51 00 00 03 00 'WEG' 01 'SSW-07 85.0A' 02 'V1.40'
+        2B 0E 04 02 -> 2B 0E 04 51 00 00 01 02 'V1.40'; 2B 0E 04 09 -> AB 02; 2B 0E 02 00 -> AB 03""",
     "S7-14 out of range is exception 3": "P313 := 4 refused 3; coil 0 := 1 refused 3",
     "S7-14 read-only is exception 3": "P003 := 0 refused 3; VB01 := 0 refused 3; P630 := 0 refused 3",
     "S7-14 what does not exist is exception 2": """
@@ -115,49 +132,3 @@ RULES = {
 @pytest.mark.parametrize(("family", "script"), rules("ssw07", RULES))
 def test_the_ssw07_keeps_the_rules_of_its_manual(family: str, script: str) -> None:
     play(family, script)
-
-
-@pytest.mark.parametrize(
-    ("given", "request_hex", "reply"),
-    [
-        ("model='SSW-07 45.0A'", "2B 0E 01 00", {0: "WEG", 1: "SSW-07 45.0A", 2: "V1.40"}),
-        ("model='SSW-08 17A'", "2B 0E 01 00", {0: "WEG", 1: "SSW-08 17.0A", 2: "V1.40"}),
-        ("seed=1", "2B 0E 04 02", {2: "V1.40"}),
-        ("seed=1", "2B 0E 01 01", {1: "SSW-07 85.0A", 2: "V1.40"}),
-        ("seed=1", "2B 0E 01 09", {0: "WEG", 1: "SSW-07 85.0A", 2: "V1.40"}),
-        ("seed=1", "2B 0E 04 09", "AB 02"),
-        ("seed=1", "2B 0E 02 00", "AB 03"),
-    ],
-)
-def test_s7_13_and_s6_22_it_says_who_it_is(given: str, request_hex: str, reply: dict[int, str] | str) -> None:
-    said = play("ssw07", f"given {given}").unit.handle(bytes.fromhex(request_hex), 0.0)
-
-    assert said is not None
-    if isinstance(reply, str):
-        assert said == bytes.fromhex(reply)
-    else:
-        objects = b"".join(bytes((key, len(text))) + text.encode() for key, text in reply.items())
-        assert said[6:] == bytes((len(reply),)) + objects
-
-
-@pytest.mark.parametrize(
-    ("family", "speed", "slower", "address"),
-    [("ssw07", "P312 = 6", "P312 := 1", "P308 := 9"), ("ssw900", "731 = 1 3", "732 := 0", "731 := 9")],
-)
-def test_address_speed_and_framing_are_parameters(family: str, speed: str, slower: str, address: str) -> None:
-    timing = {
-        "ssw07": LineTiming(19200, Framing.parse("8E1")),
-        "ssw900": LineTiming(57600, Framing.parse("8N1")),
-    }
-    unknown = LineTiming(115200, Framing.parse("8N1"))
-    talk = play(family, "see address 1")
-    talk.unit.join(timing[family])
-    assert talk.unit.listens_to(timing[family])
-
-    for line in (speed, slower, address):
-        step(talk, line)
-
-    assert not talk.unit.listens_to(timing[family])
-    assert talk.unit.address == 9
-    talk.unit.join(unknown)
-    assert talk.unit.listens_to(unknown)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.sim.script import play, rules, step
+from tests.sim.script import play, rules
 
 # 680 status, 679 state, 685 and 686 command words of slots 1 and 2, 220 C3.1, 229 C3.2, 230 C3.3, 90 fault,
 # 91-95 alarms, 734 C8.2.5.3, 735 S5.4.1, 740 C8.2.5.1, 741 C8.2.5.2, 1110 C11.3.1: signed, 32 bits
@@ -107,6 +107,14 @@ RULES = {
         298 = 3456h 12h; 1110 := FFFFh FFFFh; 1110 = FFFFh FFFFh""",
     "S9-09 stopped parameters do not change while the motor turns": """
         run; 1300 := 680; 1300 = 0; 899 := 5; 899 = 5""",
+    "S9-20 the counters are cyclic": "736 = 1; let received 0x1FFFF; 736 = 0",
+    "W-09 an exception is the function with bit 7 and one code": "03 27 0F 00 01 -> 83 02",
+    "it has functions 22, here bit 0 of word 685, and 43": """
+        2B 0E 01 00 -> 2B 0E 01 81 00 00 03 00 'WEG' 01 'SSW900' 02 'V1.20'
+        see start_frames; 16 02 AD FF FE 00 01 -> 16 02 AD FF FE 00 01; see start_frames 0.0""",
+    "address, speed and framing are parameters": """
+        join 57600 8N1; 731 = 1 3; listens 57600 8N1; 732 := 0; ignores 57600 8N1; 731 := 9; see address 9
+        join 115200 8N1; listens 115200 8N1""",
     "S9-23 a value out of range gets exception 3": """
         229 := 6 refused 3; 931 := 4 refused 3; 229 := 9 0 0 refused 3; 229 = 0
         1110 := 8000h FFFFh refused 3; 730 := 1 refused 3; 263 := 13 refused 3; 1500 := 1 refused 2""",
@@ -124,24 +132,3 @@ A128_WITHOUT_EFFECT = {
 @pytest.mark.parametrize(("family", "script"), rules("ssw900", RULES | A128_WITHOUT_EFFECT))
 def test_the_ssw900_keeps_the_rules_of_its_manual(family: str, script: str) -> None:
     play(family, script)
-
-
-@pytest.mark.parametrize(
-    ("request_hex", "reply_hex"),
-    [
-        ("2B 0E 01 00", "2B 0E 01 81 00 00 03 00 03 57 45 47 01 06 53 53 57 39 30 30 02 05 56 31 2E 32 30"),
-        ("16 02 AD FF FE 00 01", "16 02 AD FF FE 00 01"),  # mask write: sets bit 0 of word 685
-    ],
-)
-def test_functions_that_only_an_ssw900_has(request_hex: str, reply_hex: str) -> None:
-    talk = play("ssw900", "685 = 12h")
-
-    assert talk.unit.handle(bytes.fromhex(request_hex), 0.0) == bytes.fromhex(reply_hex)
-    assert talk.unit.start_frames == ([0.0] if request_hex.startswith("16") else [])
-
-
-def test_s9_20_the_counters_are_cyclic() -> None:
-    talk = play("ssw900", "736 = 1")
-    talk.unit.received = 0x1FFFF  # type: ignore[attr-defined]
-
-    step(talk, "736 = 0")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 from typing import Any
 
-from gateway.modbus.adu import decode, encode
 from gateway.modbus.pdu import Request
 from gateway.modbus.timing import Framing, LineTiming
 from gateway.sim.bus.port import SimulatedPort
@@ -35,13 +34,6 @@ class Talk:
         reply = self.pdu(request)
         assert reply is not None, "silence"
         return request.decode_reply(reply)
-
-    def frame(self, hex_text: str) -> str | None:
-        """Send a whole frame and return the reply frame, in the manuals' way of writing."""
-        adu = decode(bytes.fromhex(hex_text))
-        assert adu.unit == self.unit.address
-        reply = self.unit.handle(adu.pdu, self.now_s)
-        return None if reply is None else encode(adu.unit, reply).hex(" ").upper()
 
 
 async def receive(port: SimulatedPort, *, within_s: float) -> bytes:

@@ -41,16 +41,6 @@ class NodeMessage:
         return next(each for each in self.metrics if each.name == name)
 
 
-@dataclass
-class NodeSaid:
-    """All messages in their order."""
-
-    messages: list[NodeMessage]
-
-    def of(self, *kinds: str) -> list[NodeMessage]:
-        return [each for each in self.messages if each.kind in kinds]
-
-
 def connected(*, speaks_5: bool) -> tuple[NodeMessage, NodeMessage, bool]:
     """Return the will and the birth of a connection, and whether it began clean."""
     with RigPlant(PLANT) as plant:
@@ -63,7 +53,7 @@ def connected(*, speaks_5: bool) -> tuple[NodeMessage, NodeMessage, bool]:
 
 
 @cache
-def said(*, has_datatypes: bool = False) -> NodeSaid:
+def said(*, has_datatypes: bool = False) -> list[NodeMessage]:
     """Let the node be born, its starters run, trip, fall silent and return, and the node end."""
     more = "datatypes_in_data = true\n" if has_datatypes else ""
     with RigPlant(PLANT + more, sim={"pump": SLOW, "fan": SLOW}) as plant:
@@ -84,7 +74,11 @@ def said(*, has_datatypes: bool = False) -> NodeSaid:
         plant.run(until=120.0)
         plant.end()
         ours = [each for each in plant.messages("spBv1.0/#") if each.topic != born("NCMD")]
-        return NodeSaid([_read(plant, each) for each in ours])
+        return [_read(plant, each) for each in ours]
+
+
+def said_of(*kinds: str) -> list[NodeMessage]:
+    return [each for each in said() if each.kind in kinds]
 
 
 def _read(plant: RigPlant, message: MqttMessage) -> NodeMessage:

@@ -47,20 +47,32 @@ def test_the_same_write_has_the_same_id_and_any_other_has_another() -> None:
     assert id_of(write("Command/Start"), time_s=NOW_S + 0.001) != first
 
 
+ODD = (  # beside true
+    *({"datatype": number} for number in (12, 4, 0)),
+    *({"int_value": 0}, {"long_value": 1}, {"string_value": "true"}, {"bytes_value": b"x"}),
+    *({"dataset_value": b""}, {"template_value": b""}, {"extension_value": b""}),
+)
+
+
 @pytest.mark.parametrize(
-    "wrong",
+    ("fields", "stops"),
     [
-        {"boolean_value": False},
-        {"int_value": 1},
-        {"string_value": "true"},
-        {"is_null": True},
-        {"boolean_value": True, "is_null": True},
-        {},
+        ({}, False),
+        ({"boolean_value": False}, False),
+        ({"int_value": 1}, False),
+        ({"string_value": "true"}, False),
+        ({"is_null": True}, False),
+        ({"boolean_value": True, "is_null": True}, False),
+        *(({"boolean_value": True, **odd}, True) for odd in ODD),
     ],
 )
-@pytest.mark.parametrize("name", ["Command/Start", "Command/Stop", "Command/Reset"])
-def test_only_true_acts(name: str, wrong: dict[str, Any]) -> None:
-    assert code(*judged({"name": name, **wrong})) == "bad_payload"
+@pytest.mark.parametrize("name", ["Command/Start", "Command/Reset", "Command/Stop"])
+def test_only_true_acts_and_beside_another_type_or_value_it_stops_and_does_nothing_else(
+    name: str, fields: dict[str, Any], *, stops: bool
+) -> None:
+    (judgement,) = judged({"name": name, **fields})
+
+    assert code(judgement) == ("" if stops and name == "Command/Stop" else "bad_payload")
 
 
 @pytest.mark.parametrize(
@@ -93,27 +105,3 @@ def test_a_stop_in_a_message_goes_first_and_a_flood_in_one_message_is_cut() -> N
     assert {code(each) for each in found[1:-1]} == {"bad_payload"}
     assert code(found[-1]) == "too_many"
     assert str(found[-1][1]) == "too_many: 81 more metrics are in the same DCMD: at most 20 are taken"
-
-
-@pytest.mark.parametrize(
-    "odd",
-    [
-        {"datatype": 12},
-        {"datatype": 4},
-        {"datatype": 0},
-        {"int_value": 0},
-        {"long_value": 1},
-        {"string_value": "true"},
-        {"bytes_value": b"x"},
-        {"dataset_value": b""},
-        {"template_value": b""},
-        {"extension_value": b""},
-    ],
-)
-@pytest.mark.parametrize("name", ["Command/Start", "Command/Reset", "Command/Stop"])
-def test_true_beside_another_type_or_value_stops_and_does_nothing_else(
-    name: str, odd: dict[str, Any]
-) -> None:
-    (judgement,) = judged(write(name, **odd))
-
-    assert code(judgement) == ("" if name == "Command/Stop" else "bad_payload")

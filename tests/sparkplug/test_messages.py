@@ -8,7 +8,7 @@ from itertools import pairwise
 import pytest
 
 from tests.rig.sparkplug import BOOLEAN, DOUBLE, INT32, INT64, STRING
-from tests.sparkplug.plant import REBIRTH_S, connected, said
+from tests.sparkplug.plant import REBIRTH_S, connected, said, said_of
 
 OF_DEVICES = "DBIRTH", "DDATA", "DDEATH"
 NUMBERED = "NBIRTH", "NDATA", *OF_DEVICES
@@ -16,12 +16,12 @@ TOPIC = re.compile(r"spBv1\.0/plant/(N(BIRTH|DATA|DEATH)/plant|D(BIRTH|DATA|DEAT
 
 
 def test_every_topic_is_namespace_group_kind_node_and_for_devices_the_starter() -> None:
-    assert {each.kind for each in said().messages} == {*NUMBERED, "NDEATH"}
-    assert [each.topic for each in said().messages if not TOPIC.fullmatch(each.topic)] == []
+    assert {each.kind for each in said()} == {*NUMBERED, "NDEATH"}
+    assert [each.topic for each in said() if not TOPIC.fullmatch(each.topic)] == []
 
 
 def test_births_data_and_deaths_of_devices_are_qos_0_and_nothing_is_retained() -> None:
-    assert {(each.qos, each.retain) for each in said().of(*NUMBERED)} == {(0, False)}
+    assert {(each.qos, each.retain) for each in said_of(*NUMBERED)} == {(0, False)}
 
 
 @pytest.mark.parametrize("speaks_5", [True, False])
@@ -38,7 +38,7 @@ def test_a_connect_is_clean_with_an_ndeath_as_its_will_that_has_the_births_numbe
 
 def test_numbers_count_up_by_one_from_the_nbirth_on_and_begin_again_after_255() -> None:
     numbers: list[list[int | None]] = []
-    for each in said().of(*NUMBERED):
+    for each in said_of(*NUMBERED):
         if each.kind == "NBIRTH":
             numbers.append([])
         numbers[-1].append(each.seq)
@@ -49,7 +49,7 @@ def test_numbers_count_up_by_one_from_the_nbirth_on_and_begin_again_after_255() 
 
 
 def test_a_message_has_the_time_at_which_it_is_sent_and_each_metric_that_of_its_reading() -> None:
-    for each in said().of(*NUMBERED):
+    for each in said_of(*NUMBERED):
         times = [metric.time_ms or 0 for metric in each.metrics]
         assert each.time_ms == pytest.approx(each.sent_ms, abs=300)
         assert times == sorted(times)
@@ -58,7 +58,7 @@ def test_a_message_has_the_time_at_which_it_is_sent_and_each_metric_that_of_its_
 
 def test_a_birth_names_every_metric_that_is_ever_sent_with_its_type_and_data_names_no_type() -> None:
     named: dict[str | None, set[str]] = {}
-    for each in said().of("NBIRTH", "DBIRTH", "NDATA", "DDATA"):
+    for each in said_of("NBIRTH", "DBIRTH", "NDATA", "DDATA"):
         names = [metric.name for metric in each.metrics]
         if "BIRTH" in each.kind:
             named[each.device] = set(names)
@@ -72,7 +72,7 @@ def test_a_birth_names_every_metric_that_is_ever_sent_with_its_type_and_data_nam
 
 
 def test_an_nbirth_comes_first_and_offers_the_rebirth_as_a_boolean_that_is_false() -> None:
-    first, *others = said().messages[:3]
+    first, *others = said()[:3]
 
     assert (first.kind, first.seq) == ("NBIRTH", 0)
     assert (first["Node Control/Rebirth"].kind, first.values["Node Control/Rebirth"]) == (BOOLEAN, False)
@@ -81,14 +81,14 @@ def test_an_nbirth_comes_first_and_offers_the_rebirth_as_a_boolean_that_is_false
 
 
 def test_what_is_not_known_is_null_and_bad_and_what_becomes_good_again_says_so() -> None:
-    birth = said().of("DBIRTH")[0]
+    birth = said_of("DBIRTH")[0]
     unknown = [each for each in birth.metrics if each.is_null]
     assert {each.properties["Quality"] for each in unknown} == {0}
     assert birth["current"].properties == {"engUnit": "A", "Documentation": "motor current", "Quality": 0}
 
     qualities: dict[str, int] = {}
     seen = set()
-    for each in said().of("DBIRTH", "DDATA"):
+    for each in said_of("DBIRTH", "DDATA"):
         for metric in each.metrics:
             before = qualities.get(f"{each.device} {metric.name}", 192)
             quality = metric.properties.get("Quality", 192)
@@ -100,7 +100,7 @@ def test_what_is_not_known_is_null_and_bad_and_what_becomes_good_again_says_so()
 
 
 def test_properties_have_as_many_keys_as_values_each_with_its_type() -> None:
-    for each in said().messages:
+    for each in said():
         for metric in each.metrics:
             types = {key: INT32 if key == "Quality" else STRING for key in metric.properties}
             assert metric.property_types == types
@@ -108,7 +108,7 @@ def test_properties_have_as_many_keys_as_values_each_with_its_type() -> None:
 
 def test_what_has_not_changed_is_not_sent_again() -> None:
     known: dict[tuple[str | None, str], tuple[object, ...]] = {}
-    for each in said().of("NBIRTH", "DBIRTH", "NDATA", "DDATA"):
+    for each in said_of("NBIRTH", "DBIRTH", "NDATA", "DDATA"):
         for metric in each.metrics:
             found = metric.value, metric.is_null, metric.properties.get("Quality", 192)
             assert "BIRTH" in each.kind or known.get((each.device, metric.name)) != found, metric
@@ -116,29 +116,29 @@ def test_what_has_not_changed_is_not_sent_again() -> None:
 
 
 def test_a_device_that_dies_says_nothing_until_it_is_born_again() -> None:
-    kinds = [each.kind for each in said().messages if each.device == "fan"]
+    kinds = [each.kind for each in said() if each.device == "fan"]
     after = [later for before, later in pairwise(kinds) if before == "DDEATH"]
 
     assert set(after) == {"DBIRTH"}
-    assert {len(each.metrics) for each in said().of("DDEATH")} == {0}
+    assert {len(each.metrics) for each in said_of("DDEATH")} == {0}
 
 
 def test_no_data_is_sent_between_a_request_and_its_births() -> None:
-    asked_ms = said().messages[0].sent_ms - 100 + 1000 * REBIRTH_S
-    kinds = [each.kind for each in said().messages if each.sent_ms >= asked_ms]
+    asked_ms = said()[0].sent_ms - 100 + 1000 * REBIRTH_S
+    kinds = [each.kind for each in said() if each.sent_ms >= asked_ms]
 
     assert kinds[:4] == ["NBIRTH", "DBIRTH", "DBIRTH", "DDATA"]
 
 
 def test_an_ndata_says_what_has_changed_of_the_gateway_and_its_lines() -> None:
-    names = {name for each in said().of("NDATA") for name in each.values}
+    names = {name for each in said_of("NDATA") for name in each.values}
 
     assert {"line/pumps/utilisation", "line/pumps/sweep_s", "gateway/status"} <= names
 
 
 def test_locks_and_alarms_are_data() -> None:
-    locked = [each.values["locked"] for each in said().of("DDATA") if "locked" in each.values]
-    codes = [each.values["alarm/code"] for each in said().of("DDATA") if "alarm/code" in each.values]
+    locked = [each.values["locked"] for each in said_of("DDATA") if "locked" in each.values]
+    codes = [each.values["alarm/code"] for each in said_of("DDATA") if "alarm/code" in each.values]
 
     assert locked == [True]
     assert codes == ["fault"]

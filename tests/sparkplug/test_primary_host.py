@@ -8,10 +8,6 @@ from gateway.plugins.sparkplug.primary_host import PrimaryHost, host_state
 from tests.sparkplug.support import host_says
 
 
-def test_the_state_of_exactly_the_configured_host_is_asked_for() -> None:
-    assert PrimaryHost("scada").topic == "spBv1.0/STATE/scada"
-
-
 @pytest.mark.parametrize(
     ("said", "has_gone", "is_online"),
     [

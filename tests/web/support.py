@@ -27,8 +27,8 @@ from gateway.plugins.web.site_model import SiteModel
 from gateway.plugins.web.static_files import StaticFile
 from gateway.plugins.web.streams import Streams
 from gateway.store import Documents
-from gateway.system.clock import ClockReading
 from tests.config.sites import site
+from tests.virtual_time import HandClock
 
 USER = WebUser("anna", "alice", "line-of-anna")
 
@@ -43,22 +43,6 @@ def web_settings(*starters: str, **fields: Any) -> WebSettings:
     lines = {"pumps": {"port": "/dev/x", "baud": 19200, "framing": "8E1", "starters": list(names)}}
     made = WebSettings(config=site(), users={"anna": USER}, starters=facts, lines=lines)
     return replace(made, **fields)
-
-
-class HandClock:
-    """A clock that a test sets."""
-
-    def __init__(self) -> None:
-        self.s = 1000.0
-
-    def now_s(self) -> float:
-        return self.s
-
-    def utc_s(self, at_s: float | None = None) -> float:
-        return 1_760_000_000.0 + (self.s if at_s is None else at_s)
-
-    def reading(self) -> ClockReading:
-        return ClockReading(self.s, self.utc_s(), "boot-1")
 
 
 @dataclass
@@ -118,7 +102,7 @@ class PageRig:
         self, settings: WebSettings | None = None, files: Mapping[str, StaticFile] | None = None
     ) -> None:
         settings = settings or web_settings()
-        self.clock = HandClock()
+        self.clock = HandClock(1000.0)
         self.gateway = cast("Any", FakeGateway(self.clock))
         self.control = cast("Any", FakeControl())
         self.model = SiteModel(settings, self.gateway.latest, Acknowledged(self.gateway))

@@ -17,9 +17,10 @@ from urllib.request import Request, urlopen
 
 import pytest
 
-from tests.clients_page import FLOW
 from tests.end_to_end.plant import plant
+from tests.end_to_end.site import Program
 from tests.mosquitto import StartMosquitto, free_port
+from tests.reference.examples import FLOW
 
 FETCHED = Path(__file__).parents[3] / "build" / "node-red"
 PROGRAM = FETCHED / "node_modules" / "node-red" / "red.js"
@@ -95,18 +96,9 @@ async def node_red(folder: Path, broker_port: int) -> AsyncIterator[NodeRed]:
     )
     (folder / "flow.json").write_text(flow, "utf-8")
     (folder / "settings.js").write_text(SETTINGS.replace("PORT", str(port)), "utf-8")
-    with (folder / "node-red.log").open("wb") as log:
-        process = await asyncio.create_subprocess_exec(
-            *(str(NODE), str(PROGRAM), "--userDir", str(folder), "--settings", str(folder / "settings.js")),
-            stdin=asyncio.subprocess.DEVNULL,
-            stdout=log,
-            stderr=log,
-        )
-    try:
+    options = ("--userDir", str(folder), "--settings", str(folder / "settings.js"))
+    async with Program(*options, program=(str(NODE), str(PROGRAM))):
         yield NodeRed(port)
-    finally:
-        process.kill()
-        await process.wait()
 
 
 async def test_the_flow_starts_and_stops_shows_results_and_sends_nothing_late(

@@ -7,13 +7,15 @@ from pathlib import Path
 
 import pytest
 
-from tests.end_to_end.page.support import PumpPage, Site, browser, logged_in, need_chromium, page_plant
+from tests.end_to_end.page.support import CHROMIUM, PumpPage, Site, browser, logged_in, page_plant
 from tests.mosquitto import StartMosquitto
+from tests.programs import without
 
 
 @pytest.fixture(autouse=True)
 def _installed() -> None:
-    need_chromium()
+    if CHROMIUM is None:
+        without("chromium", "chromium")
 
 
 @pytest.fixture

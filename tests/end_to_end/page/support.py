@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import shutil
 from collections.abc import AsyncIterator
 from contextlib import asynccontextmanager
@@ -10,7 +9,6 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-import pytest
 from playwright.async_api import Page, async_playwright, expect
 
 from gateway.system.password_hash import password_line
@@ -25,15 +23,6 @@ PATIENCE_MS = 20_000.0
 expect.set_options(timeout=PATIENCE_MS)
 
 CHROMIUM = shutil.which("chromium") or shutil.which("google-chrome")
-
-
-def need_chromium() -> None:
-    """Skip where there is no Chromium; in CI that is a failure."""
-    if CHROMIUM is None:
-        text = "not installed: chromium (apt-get install chromium)"
-        if os.environ.get("CI") == "true":
-            pytest.fail(text)
-        pytest.skip(text)
 
 
 @dataclass
@@ -105,12 +94,12 @@ async def browser() -> AsyncIterator[Browser]:
             await chromium.close()
 
 
-async def logged_in(page: Page, password: str = PASSWORD) -> None:
+async def logged_in(page: Page, password: str = PASSWORD, user: str = USER) -> None:
     await page.click("#account")
-    await page.fill("input[name=user]", USER)
+    await page.fill("input[name=user]", user)
     await page.fill("input[name=password]", password)
     await page.click("#login-form button[type=submit]")
-    await page.get_by_role("button", name=f"{USER}: log out").wait_for()
+    await page.get_by_role("button", name=f"{user}: log out").wait_for()
 
 
 async def select_start(page: Page) -> tuple[float, float]:

@@ -44,7 +44,7 @@ def test_sparkplug_payload_of_npm_reads_every_kind_of_metric() -> None:
 
 @npm_judge
 def test_sparkplug_payload_of_npm_reads_every_kind_of_message() -> None:
-    ours_said = said(has_datatypes=True).messages  # which its decoder needs
+    ours_said = said(has_datatypes=True)  # which its decoder needs
 
     theirs_said = decoded_by_npm([each.payload for each in ours_said])
     for ours, theirs in zip(ours_said, theirs_said, strict=True):
@@ -55,8 +55,6 @@ def test_sparkplug_payload_of_npm_reads_every_kind_of_message() -> None:
 
 @python_judges
 def test_tahus_own_module_writes_the_same_bytes() -> None:
-    payloads = [each.payload for each in said(has_datatypes=True).messages] + [
-        encoded(KINDS, time_s=EPOCH_S, seq=0)
-    ]
+    payloads = [each.payload for each in said(has_datatypes=True)] + [encoded(KINDS, time_s=EPOCH_S, seq=0)]
 
     assert written_again_by_tahu(payloads) == payloads

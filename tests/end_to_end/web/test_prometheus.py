@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import re
 import urllib.parse
@@ -13,10 +12,10 @@ from pathlib import Path
 from typing import Any
 
 from tests.end_to_end.page.support import page_plant
-from tests.end_to_end.site import FOUR_FAMILIES
+from tests.end_to_end.site import FOUR_FAMILIES, Program
 from tests.metrics.contrib import RULES, panel_expressions
-from tests.metrics.promtool import program
 from tests.mosquitto import StartMosquitto, free_port
+from tests.programs import program
 from tests.waiting import until
 
 METRICS = '\n[metrics]\nall_points = true\ntoken_file = "metrics.token"\n'
@@ -58,20 +57,10 @@ async def prometheus(folder: Path, port: int) -> AsyncIterator[Prometheus]:
     """Run a Prometheus that scrapes a page's port, with the alerts of deploy/contrib."""
     own, config = free_port(), folder / "prometheus.yml"
     config.write_text(CONFIG.format(port=port, folder=folder, rules=RULES), "utf-8")
-    process = await asyncio.create_subprocess_exec(
-        program("prometheus"),
-        f"--config.file={config}",
-        f"--storage.tsdb.path={folder / 'tsdb'}",
-        f"--web.listen-address=127.0.0.1:{own}",
-        "--log.level=error",
-        stdout=asyncio.subprocess.DEVNULL,
-        stderr=asyncio.subprocess.DEVNULL,
-    )
-    try:
+    files = (f"--config.file={config}", f"--storage.tsdb.path={folder / 'tsdb'}")
+    options = (*files, f"--web.listen-address=127.0.0.1:{own}", "--log.level=error")
+    async with Program(*options, program=(program("prometheus"),)):
         yield Prometheus(own)
-    finally:
-        process.kill()
-        await process.wait()
 
 
 async def test_a_real_prometheus_scrapes_the_plant_alerts_and_answers_the_dashboard(

@@ -6,7 +6,6 @@ import json
 import re
 import shlex
 import subprocess
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
@@ -16,18 +15,12 @@ from gateway.contract import STOP, CommandRequest, Topics
 from gateway.mqtt.commands import Incoming, command_in
 from gateway.starters import Tokens
 from gateway.starters.policy.freshness import ArrivalTime, dated
+from tests.reference.examples import ROOT, blocks
 
 NOW, NOW_S = "2026-11-21T01:02:03Z", 1_795_222_923.0
 TOKENS = Tokens("boot-1")
 TOKEN = TOKENS.issue(7.0)  # when everything arrives
-TOP = Path(__file__).parents[1]
-PAGE = (TOP / "docs" / "recipes.md").read_text("utf-8")
 BASE = "starters/mcc1"
-
-
-def examples(language: str) -> list[str]:
-    """Return the examples in a language."""
-    return re.findall(rf"```{language}\n(.*?)```", PAGE, re.DOTALL)
 
 
 def request(topic: str, payload: str) -> CommandRequest:
@@ -43,7 +36,7 @@ def request(topic: str, payload: str) -> CommandRequest:
     return judged
 
 
-@pytest.mark.parametrize("payload", examples("json"))
+@pytest.mark.parametrize("payload", blocks("recipes.md", "json"))
 def test_each_start_of_the_page_is_taken_as_fresh(payload: str) -> None:
     filled = payload.replace("TOKEN", TOKEN).replace("NOW", NOW)
 
@@ -53,7 +46,7 @@ def test_each_start_of_the_page_is_taken_as_fresh(payload: str) -> None:
 
 
 def test_the_page_shows_every_way_and_no_id_twice() -> None:
-    bodies = [json.loads(payload) for payload in examples("json")]
+    bodies = [json.loads(payload) for payload in blocks("recipes.md", "json")]
 
     assert {"token", "issued_at"} <= {name for body in bodies for name in body}
     assert len({body["id"] for body in bodies}) == len(bodies)
@@ -69,7 +62,7 @@ def test_what_the_script_for_ignition_publishes_is_taken(verb: str) -> None:
         cirruslink=SimpleNamespace(engine=SimpleNamespace(publish=lambda *given: sent.append(given))),
     )
     scope: dict[str, Any] = {"system": system}
-    (script,) = examples("python")
+    (script,) = blocks("recipes.md", "python")
     exec(script, scope)
 
     ids = [scope["command"]("pump-1", verb) for _ in range(2)]
@@ -82,7 +75,7 @@ def test_what_the_script_for_ignition_publishes_is_taken(verb: str) -> None:
 
 
 def test_what_the_script_for_wincc_oa_sets_is_taken() -> None:
-    (script,) = examples("c")
+    (script,) = blocks("recipes.md", "c")
     (expression,) = re.findall(r'dpSet\(pump \+ "\.command\.start", (.*)\);', script)
 
     payload = eval(expression, {"createUuid": lambda: "an-id", "token": TOKEN})  # texts of C are Python's
@@ -91,10 +84,10 @@ def test_what_the_script_for_wincc_oa_sets_is_taken() -> None:
 
 
 def test_the_flow_for_node_red_is_still_a_flow_with_the_sites_names_put_in() -> None:
-    (script,) = examples("sh")
+    (script,) = blocks("recipes.md", "sh")
     command = script.partition(" > ")[0]
 
-    done = subprocess.run(shlex.split(command), cwd=TOP, capture_output=True, text=True, check=True)
+    done = subprocess.run(shlex.split(command), cwd=ROOT, capture_output=True, text=True, check=True)
 
     assert json.loads(done.stdout)
     assert "acme/site1/mcc1/command/pump-7/alice/start" in done.stdout

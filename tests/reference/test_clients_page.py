@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import json
 
-from tests.clients_page import FLOW, example
+from tests.reference.examples import FLOW, blocks
 
 
 def test_the_python_example_compiles() -> None:
-    compile(example("python"), "docs/clients.md", "exec")
+    compile(blocks("clients.md", "python")[0], "docs/clients.md", "exec")
 
 
 def test_the_flow_can_be_imported_and_its_wires_lead_somewhere() -> None:
@@ -27,6 +27,6 @@ def test_nothing_in_the_flow_is_retained_or_queued() -> None:
 
 
 def test_what_the_examples_send_is_proven_by_a_token() -> None:
-    for text in (example("sh"), FLOW):
+    for text in (blocks("clients.md", "sh")[0], FLOW):
         assert "gateway/fresh" in text
         assert "boot" not in text
