@@ -6,7 +6,6 @@ from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 
 from gateway.contract import (
-    CANCEL,
     OWN_VERBS,
     SELECT,
     STOP,
@@ -26,7 +25,6 @@ from gateway.starters.starter import StarterTelemetry
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
 
 OF_CLIENT = Rate(20.0, 100)  # more than a person can send by hand
-ANSWERED_STOPS = 8  # of one starter at the same time; the others are carried out all the same
 
 
 class Overload:
@@ -46,7 +44,7 @@ class Overload:
     def answer(self, request: CommandRequest, *, is_stopped: bool = False) -> None:
         """Answer a command now, or count it; one whose id is known gets no answer.
 
-        `is_stopped`: a stop whose frame goes out, but which is not followed up to an end of its own.
+        `is_stopped`: a stop that shares its frame with others, and is not followed up to an end of its own.
         """
         if self._reporting.ledger.find(request.client, request.id) is None:
             self._answers.put((self._client(request), is_stopped), (request, is_stopped))
@@ -143,10 +141,6 @@ class Admission:
         return Guard(request, self.policy, expectations)
 
     def _may(self, request: CommandRequest) -> bool:
-        """Return whether the client has the right; who may do something may also select it, and cancel."""
-        verb, client, starter = request.verb, request.client, request.starter
-        if verb == CANCEL:
-            return self.policy.rights.has_any(client, starter=starter)
-        if verb == SELECT:
-            verb = str(request.args.get("verb"))
-        return self.policy.rights.is_allowed(client, verb=verb, starter=starter)
+        """Return whether the client has the right; who may do something may also select it."""
+        verb = str(request.args.get("verb")) if request.verb == SELECT else request.verb
+        return self.policy.rights.is_allowed(request.client, verb=verb, starter=request.starter)

@@ -39,14 +39,14 @@ def judge(
     request: CommandRequest,
     starter: StarterTelemetry,
     preparation: Preparation,
-    guard: Guard | None,
+    guard: Guard,
     *,
     rows: Rows,
     points: Mapping[str, Any],
 ) -> Procedure | None:
     """Return the writes that follow from these rows, None when some are missing.
 
-    CommandError when a rule forbids them. `guard` is what the gateway itself demands.
+    CommandError when a rule forbids them, the family's or the gateway's own (`guard`).
     """
     if request.verb != READ:  # which does no harm, in whatever words
         demand_identified(request, starter)
@@ -54,8 +54,7 @@ def judge(
             raise not_matching(IdentityStatus.MISMATCHED, why)
     known = {**rows, **points}  # a rule may hang on a raw row
     command.demand(starter.profile, preparation.requires, known, variant=starter.variant)
-    if guard is not None:
-        guard.check(points)
+    guard.check(points)
     if not rows.keys() >= _codes(preparation):
         return None
     return command.build(starter.profile, starter.variant, request.verb, request.args, seen=rows)
@@ -134,7 +133,7 @@ class Judge:
         for _ in range(MOST_READINGS):
             rows = await self._read()
             self.report.before = points_of(self.wire.values(rows))
-            procedure = self._judge(rows, self.guard)
+            procedure = self._judge(rows)
             assert procedure is not None  # all rows were read
             is_enough = not self._reads or not (procedure.steps or procedure.is_unchanged)
             if is_enough or procedure == earlier:
@@ -145,12 +144,12 @@ class Judge:
         raise CommandError(ResultCode.READINGS_DISAGREE)
 
     async def demand_again(self) -> None:
-        """Read once more; CommandError unless the family's rules hold still."""
-        self._judge(await self._read(), None)
+        """Read once more; CommandError unless the rules hold still."""
+        self._judge(await self._read())
 
-    def _judge(self, rows: Rows, guard: Guard | None) -> Procedure | None:
+    def _judge(self, rows: Rows) -> Procedure | None:
         request, starter, points = self.report.request, self.starter, points_of(self.wire.values(rows))
-        return judge(request, starter, self.preparation, guard, rows=rows, points=points)
+        return judge(request, starter, self.preparation, self.guard, rows=rows, points=points)
 
     def _judge_polls(self) -> Procedure | None:
         """Return what the last polls lead to; None when they are too old, lack a row or forbid it."""
@@ -159,7 +158,7 @@ class Judge:
             return None  # some of it may have been read before the gateway stood still
         try:
             recent = self.starter.snapshot.rows_since(since_s)
-            return self._judge(rows_for(self.preparation, recent), self.guard)
+            return self._judge(rows_for(self.preparation, recent))
         except CommandError:
             return None
 

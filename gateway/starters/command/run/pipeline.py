@@ -52,7 +52,6 @@ _MAY_ACT = (  # a motion that is refused so may begin all the same
     ExceptionCode.GATEWAY_PATH_UNAVAILABLE,
     ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND,
 )
-_READABLE = (IdentityStatus.MATCHING, IdentityStatus.OTHER_SLOT)  # whose words mean what they say
 
 RunOffBy = Callable[[CommandReport, Expect], StopOrder]  # has a starter stopped until this is seen
 
@@ -110,8 +109,7 @@ class CommandRun:
             self._held_slot.callback(self.slot.release)
         decision = await self.judge.decide()
         if decision.procedure.steps:
-            # The watchdog of its line first, then the disk; rules and lock are judged for the last time.
-            await self.wire.wait_for(self.judge.guard.reserve(decision.procedure))
+            # The disk first; then the line's watchdogs, the rules and the lock are judged for the last time.
             await self.wire.wait_for(self.report.intend())
             await self.wire.wait_for(self.judge.guard.admit(decision.procedure))
         while decision.procedure.steps:
@@ -296,9 +294,9 @@ class CommandRun:
 
     def _value(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
         """Return a row's value; only its raw words when another device than configured may have answered."""
-        starter = self.starter
-        if starter.contradiction or starter.identity_standing not in _READABLE:
-            why = starter.contradiction or starter.identity_reason
+        starter, standing = self.starter, self.starter.contact.standing
+        if standing.contradiction or not standing.is_readable:
+            why = standing.contradiction or standing.reason
             return {"value": None, "unit": "", "raw": list(words), "reason": why}
         row = parameters.find(starter.profile, code)
         said = decode.decode_row(starter.profile, starter.variant, row, words)
