@@ -30,7 +30,7 @@ from gateway.starters.command.ledger import Ledger, LedgerEntry
 from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, target_of
 from gateway.starters.command.proofs import Proofs
 from gateway.starters.command.report import CommandReport, CommandStep, GroupReport, Reporting, Retention
-from gateway.starters.command.run.decision import judge, rows_for
+from gateway.starters.command.run.decision import judge
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Guard, Policy
@@ -131,8 +131,8 @@ class Commands:
             self._own_verbs.judge(request, starter)
             return
         preparation = self._prepared(request, starter)
-        rows, points = rows_for(preparation, starter.snapshot.rows), starter.snapshot.good_values()
-        judge(request, starter, preparation, Guard(request, self.policy), rows=rows, points=points)
+        known, points = starter.snapshot.rows, starter.snapshot.good_values()
+        judge(request, starter, preparation, Guard(request, self.policy), known=known, points=points)
 
     def _demand_open(self, verb: str) -> None:
         if self.under_way.is_closing:
