@@ -137,10 +137,6 @@ class CommandReport:
     _latest: ResultRecord | None = None  # as stored
     _is_over: bool = False  # its final result is published
 
-    def is_outdated(self, seen_s: float) -> bool:
-        """Return whether the gateway has stood still since that moment: what was read by then is old."""
-        return seen_s < self.reporting.stood_still_s()
-
     def advance(self, to: CommandStep | Phase) -> None:
         """Go on to another step, or to the end with this phase."""
         if to not in NEXT[self.step]:

@@ -223,7 +223,7 @@ class CommandRun:
 
     def _is_outdated(self) -> bool:
         """Return whether the gateway stood still since what was read, or since run = 0."""
-        return self.report.is_outdated(min(self.wire.seen_s, self._cleared_s))
+        return min(self.wire.seen_s, self._cleared_s) < self.report.reporting.stood_still_s()
 
     def _taken(self, outcome: Outcome) -> Final | None:
         """Record the outcome of a write; return the end when it did not go out or was refused."""
