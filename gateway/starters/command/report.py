@@ -93,7 +93,7 @@ class Reporting:
     stood_still_s: Callable[[], float]  # when the latest standstill ended, on the steady clock
 
     def publish(self, result: ResultRecord, request: CommandRequest) -> None:
-        """Publish a result of a command, and hand it to whoever follows that command."""
+        """Publish a result of a command, and hand it to that command's follower."""
         self.records.put(result)
         if request.follow is not None:
             request.follow(result)

@@ -38,7 +38,7 @@ from gateway.starters.command.run import ends
 from gateway.starters.command.run.decision import CommandDecision, Judge
 from gateway.starters.command.run.ends import Outlook
 from gateway.starters.command.stop.machine import StopOrder
-from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError
+from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError, refusal_of
 from gateway.starters.identity import IdentityStatus
 
 ENDED_WITHIN_S = 3.0  # after its deadline: taken back, or abandoned
@@ -91,10 +91,10 @@ class CommandRun:
         """Return how the command ended, whatever came in its way; HaltedError while it is undone."""
         try:
             return await self._carried_out()
-        except CommandError as error:
-            return self._outlook.cut(error.reason)
         except RefusedError as error:
             return Final(Phase.FAILED, error.reason)
+        except CommandError as error:
+            return self._outlook.cut(error.reason)
         except OverdueError:
             end = self._outlook.overdue()
         except HaltedError as error:
@@ -231,7 +231,7 @@ class CommandRun:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
                 self.report.write()
             case Refused():
-                refusal = RefusedError(self.starter.profile, outcome.code).reason
+                refusal = refusal_of(self.starter.profile, outcome.code)
                 procedure = self._outlook.procedure
                 if outcome.code not in _MAY_ACT or procedure is None or not procedure.is_motion:
                     return Final(Phase.FAILED, refusal)

@@ -19,7 +19,7 @@ from gateway.families import Procedure, WriteStep, command
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus import ExceptionCode, Function, MaskWriteRegister
 from gateway.starters.command.addressee import StopAddressee
-from gateway.starters.command.wire import DECIDES_FOR_S, RefusedError, Wire
+from gateway.starters.command.wire import DECIDES_FOR_S, Wire, refusal_of
 from gateway.system.rate_limits import Bucket, Rate
 
 logger = logging.getLogger(__name__)
@@ -122,7 +122,7 @@ class Frames:
         counting = [each for step, each in pairs if not (step.may_be_refused and isinstance(each, Refused))]
         for each in counting:
             if isinstance(each, Refused):
-                self.refusal = RefusedError(self.starter.profile, each.code).reason
+                self.refusal = refusal_of(self.starter.profile, each.code)
         if not self._is_mask_refused and any(_is_mask_refused(*pair) for pair in pairs):
             self._is_mask_refused = True
             if self.procedure().steps != steps:  # the word read last goes out at once, where there is one
