@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from math import inf
 
 from gateway.contract import (
     OWN_VERBS,
@@ -18,9 +19,10 @@ from gateway.contract import (
 from gateway.families import Preparation, command
 from gateway.starters.command.proofs import Proofs
 from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final, Reporting, Retention
-from gateway.starters.command.run.decision import demand_identified
+from gateway.starters.command.run.decision import CAN_WAIT, demand_identified
+from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.policy import Guard, Policy
-from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked
+from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked, is_forbidden
 from gateway.starters.starter import StarterTelemetry
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
 
@@ -75,6 +77,18 @@ class Admission:
     policy: Policy
     proofs: Proofs
 
+    def __post_init__(self) -> None:
+        self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
+
+    def note_stop(self, name: str, came_s: float) -> None:
+        """Let nothing count that was decided upon before a stop came, on the steady clock."""
+        self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
+        self.policy.selections.end(name)
+
+    def stopped_s(self) -> float:
+        """Return when the latest stop of any starter came, on the steady clock."""
+        return max(self._stopped_s.values(), default=-inf)
+
     def admit(self, request: CommandRequest) -> CommandRequest:
         """Return a command that may come in; all but a stop with the time at which it was decided upon."""
         if unknown := self.verb_error(request.starter, request.verb):
@@ -120,7 +134,11 @@ class Admission:
         return [name for name in self.members(request) if allowed(client, verb=STOP, starter=name)]
 
     def check_target(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
-        """Demand that a command makes sense for a starter that answers, is known and not locked."""
+        """Demand that a command makes sense for a starter that answers, is known and not locked.
+
+        The refusal of an old wish names the stop, whatever else is wrong with it.
+        """
+        self._demand_decided_after_stop(request)
         is_local = starter.snapshot.good_values().get("remote") is False
         preparation = command.prepare(
             starter.profile, starter.variant, request.verb, request.args, is_local=is_local
@@ -139,6 +157,18 @@ class Admission:
         elif request.verb in self.policy.settings.of(request.starter).two_step:
             raise CommandError(ResultCode.SELECT_FIRST, verb=request.verb)
         return Guard(request, self.policy, expectations)
+
+    def _demand_decided_after_stop(self, request: CommandRequest) -> None:
+        """Refuse what came before the latest stop of its starter; what may move the motor also when it
+        came later, but may have been decided upon before.
+        """
+        stopped_s = self._stopped_s.get(request.starter, -inf)
+        if request.received_s <= stopped_s:
+            raise CommandError(ResultCode.STOPPED_FIRST, "overtaken")
+        if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
+            return
+        if request.decided_s is not None and request.decided_s < stopped_s:
+            raise CommandError(ResultCode.STOPPED_FIRST, "decided", ahead_s=MAX_AHEAD_S)
 
     def _may(self, request: CommandRequest) -> bool:
         """Return whether the client has the right; who may do something may also select it."""

@@ -14,7 +14,6 @@ from functools import partial
 
 from gateway.contract import (
     OWN_VERBS,
-    SELECT,
     STOP,
     CommandError,
     CommandRequest,
@@ -27,7 +26,7 @@ from gateway.contract import (
 from gateway.families import Preparation, reading
 from gateway.starters.command.admission import Admission, Overload
 from gateway.starters.command.ledger import Ledger, LedgerEntry
-from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, target_of
+from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline
 from gateway.starters.command.proofs import Proofs
 from gateway.starters.command.report import CommandReport, CommandStep, GroupReport, Reporting, Retention
 from gateway.starters.command.run.decision import judge
@@ -56,8 +55,8 @@ class Commands:
         ledger = Ledger(now_s=self.records.clock.now_s, on_forgotten=self.journal.forget)
         self._reporting = Reporting(self.records, ledger, self.journal, self.proofs.suspend_watch.ended_s)
         self.under_way = UnderWay(self.starters)
-        self._admission = Admission(self.starters, self.policy, self.proofs)
-        self._own_verbs = OwnVerbs(self._admission, self.policy, self.set_baseline)
+        self.admission = Admission(self.starters, self.policy, self.proofs)
+        self._own_verbs = OwnVerbs(self.admission, self.policy, self.set_baseline)
         self._overload = Overload(self._reporting, self.policy)
 
     def submit(self, request: CommandRequest, refusal: CommandError | None = None) -> Results:
@@ -69,7 +68,7 @@ class Commands:
         came = asyncio.Queue[ResultRecord]()
         request = replace(request, follow=came.put_nowait)
         try:
-            request = request if refusal else self._admission.admit(request)
+            request = request if refusal else self.admission.admit(request)
         except CommandError as error:
             refusal = error
         self._answer(request, refusal)
@@ -77,7 +76,7 @@ class Commands:
 
     def verb_error(self, starter: str, verb: str) -> CommandError | None:
         """Return what is wrong with a verb for a starter; None when nothing is."""
-        return self._admission.verb_error(starter, verb)
+        return self.admission.verb_error(starter, verb)
 
     def objection(self, request: CommandRequest) -> CommandError | None:
         """Return why a command would be refused if it came now; None when it would be taken.
@@ -85,7 +84,7 @@ class Commands:
         Nothing is done, read or counted. A command in two steps counts as selected.
         """
         try:
-            self._admission.check_sender(request)
+            self.admission.check_sender(request)
             self._demand_open(request.verb)
             if request.verb != STOP:
                 self._preview(request, self.starters[request.starter])
@@ -192,22 +191,16 @@ class Commands:
     def _judged(self, request: CommandRequest, starter: StarterTelemetry) -> Callable[[CommandReport], None]:
         """Return what carries a command out once it is accepted; CommandError when it cannot even begin."""
         if request.verb in OWN_VERBS:
-            deed = self._own_verbs.judge(request, starter)
-            if request.verb == SELECT:
-                self.under_way.demand_decided_after_stop(target_of(request))
-            return partial(self.under_way.do, deed)
+            return partial(self.under_way.do, self._own_verbs.judge(request, starter))
         preparation = self._prepared(request, starter)
-        guard = self._admission.guard(request, starter)
+        guard = self.admission.guard(request, starter)
         reads = reading.with_rows(starter.profile, preparation.reads, guard.codes)
         return partial(self.under_way.begin, replace(preparation, reads=reads), guard)
 
     def _prepared(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
         """Return what is to be read and done; CommandError where the starter is not free for this command."""
-        busy = self.under_way.busy(request.starter)
-        if busy is None:  # the refusal of an old wish names the stop, whatever else is wrong with it
-            self.under_way.demand_decided_after_stop(request)
-        preparation = self._admission.check_target(request, starter)
-        if busy is not None:
+        preparation = self.admission.check_target(request, starter)
+        if busy := self.under_way.busy(request.starter):
             raise busy
         return preparation
 
@@ -216,12 +209,12 @@ class Commands:
 
         `earlier`: the same stop under the same id. While that is under way, its end is the answer.
         """
-        names, is_shared = self._admission.stoppable(request), False
+        names, is_shared = self.admission.stoppable(request), False
         if not self.under_way.is_closing:
             # Before anything is published: that takes longer than the line's silence.
             for name in names:
-                self.policy.selections.end(name)  # what was decided upon before the stop is decided again
-                is_shared |= self.under_way.stop(name, request.received_s)
+                self.admission.note_stop(name, request.received_s)
+                is_shared |= self.under_way.stop(name)
             self.on_stop()
         if earlier is not None and not earlier.result.phase.is_final:
             if self._overload.admits(request):
@@ -241,13 +234,13 @@ class Commands:
         if report.request.starter in self.starters:
             self.under_way.join(report)
             return
-        members = self._admission.members(report.request)
+        members = self.admission.members(report.request)
         for member in map(GroupReport(report, members).member, members):
             if member.request.starter in stopped:
                 member.accept()
                 self.under_way.join(member)
             else:
-                member.reject(self._admission.no_right(member.request).reason)
+                member.reject(self.admission.no_right(member.request).reason)
 
 
 async def _followed(came: asyncio.Queue[ResultRecord]) -> Results:

@@ -11,10 +11,9 @@ import logging
 from collections.abc import Awaitable, Collection, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Any, TypeVar
 
-from gateway.contract import LOCK, READ, STOP, CommandError, CommandRequest, Reason, ResultCode
+from gateway.contract import LOCK, READ, STOP, CommandError, Reason, ResultCode
 from gateway.families import Expect, Preparation
 from gateway.starters.command.own_verbs import Deed
 from gateway.starters.command.report import CommandReport, Retention
@@ -22,7 +21,6 @@ from gateway.starters.command.run.decision import CAN_WAIT, Judge
 from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
 from gateway.starters.command.wire import HaltedError
-from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.policy import GATEWAY, Guard
 from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.starter import StarterTelemetry
@@ -43,7 +41,6 @@ class UnderWay:
     def __post_init__(self) -> None:
         self._runs: dict[str, CommandRun] = {}
         self._stops: dict[str, Stopping] = {}
-        self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._slots: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
         self._tasks: set[asyncio.Task[None]] = set()
         self.is_closing = False
@@ -78,12 +75,11 @@ class UnderWay:
         if report.request.verb == LOCK:
             self._cut_for_lock(report.request.starter)
 
-    def stop(self, name: str, came_s: float) -> bool:
+    def stop(self, name: str) -> bool:
         """Cut what this starter is doing, and have a frame sent for one more stop message.
 
         Return whether it shares its frame with others, since too many came at once.
         """
-        self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
         run = self._runs.get(name)
         if run is not None:
             run.wire.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
@@ -93,22 +89,6 @@ class UnderWay:
     def join(self, report: CommandReport) -> None:
         """Have an accepted stop answered, for which a frame was asked."""
         self._stops[report.request.starter].join(report)
-
-    def stopped_s(self) -> float:
-        """Return when the latest stop of any starter came, on the steady clock."""
-        return max(self._stopped_s.values(), default=-inf)
-
-    def demand_decided_after_stop(self, request: CommandRequest) -> None:
-        """Refuse what came before the latest stop of its starter; what may move the motor also when it
-        came later, but may have been decided upon before.
-        """
-        stopped_s = self._stopped_s.get(request.starter, -inf)
-        if request.received_s <= stopped_s:
-            raise CommandError(ResultCode.STOPPED_FIRST, "overtaken")
-        if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
-            return
-        if request.decided_s is not None and request.decided_s < stopped_s:
-            raise CommandError(ResultCode.STOPPED_FIRST, "decided", ahead_s=MAX_AHEAD_S)
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `reopen`."""
