@@ -200,8 +200,7 @@ class Commands:
     def _prepared(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
         """Return what is to be read and done; CommandError where the starter is not free for this command."""
         preparation = self.admission.check_target(request, starter)
-        if busy := self.under_way.busy(request.starter):
-            raise busy
+        self.under_way.demand_free(request.starter)
         return preparation
 
     def _take_stop(self, request: CommandRequest, earlier: LedgerEntry | None) -> None:

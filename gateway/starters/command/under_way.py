@@ -46,11 +46,12 @@ class UnderWay:
         self.is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
-    def busy(self, name: str) -> CommandError | None:
-        """Return the refusal for a starter under a command, a client's stop or a reload."""
+    def demand_free(self, name: str) -> None:
+        """Raise CommandError for a starter under a command, a client's stop or a reload."""
         if name in self._runs or (name in self._stops and not self._stops[name].is_own):
-            return CommandError(ResultCode.BUSY, "command")
-        return CommandError(ResultCode.BUSY, "reload") if name in self._leaving else None
+            raise CommandError(ResultCode.BUSY, "command")
+        if name in self._leaving:
+            raise CommandError(ResultCode.BUSY, "reload")
 
     def begin(self, preparation: Preparation, guard: Guard, report: CommandReport) -> None:
         """Carry out an accepted command other than a stop."""
