@@ -121,26 +121,24 @@ class Judge:
         self.report.advance(CommandStep.READING)
         earlier: Procedure | None = None
         for _ in range(MOST_READINGS):
-            rows = await self._read()
-            points = self.report.before = points_of(self.wire.values(rows))
-            procedure = self._judge(rows, points)
-            assert procedure is not None  # all rows were read
+            decision = await self.look()
+            procedure = decision.procedure
             is_enough = not self.preparation.reads or not (procedure.steps or procedure.is_unchanged)
             if is_enough or procedure == earlier:
                 self.report.advance(CommandStep.DECIDED)
-                can_wait = self.report.request.verb in CAN_WAIT
-                return CommandDecision(procedure, rows, can_wait and not procedure.is_source)
+                return decision
             earlier = procedure
         raise CommandError(ResultCode.READINGS_DISAGREE)
 
-    async def demand_again(self) -> None:
-        """Read once more; CommandError unless the rules hold still."""
-        rows = await self._read()
-        self._judge(rows, points_of(self.wire.values(rows)))
-
-    def _judge(self, rows: Rows, points: Mapping[str, Any]) -> Procedure | None:
-        request, starter = self.report.request, self.starter
-        return judge(request, starter, self.preparation, self.guard, known=rows, points=points)
+    async def look(self) -> CommandDecision:
+        """Return what one reading leads to; CommandError when a rule forbids it, RefusedError."""
+        rows, request = await self._read(), self.report.request
+        points = points_of(self.wire.values(rows))
+        if not self.report.is_written:
+            self.report.before = points
+        procedure = judge(request, self.starter, self.preparation, self.guard, known=rows, points=points)
+        assert procedure is not None  # all rows were read
+        return CommandDecision(procedure, rows, request.verb in CAN_WAIT and not procedure.is_source)
 
     async def _read(self) -> Rows:
         """Read, and again after each lost reply, as long as the starter is online."""

@@ -144,7 +144,7 @@ class CommandRun:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
         outcome = await self._write(decision, step)
         is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
-        end = None if is_excused else self._taken(outcome)
+        end = None if is_excused else self._taken(decision.procedure, outcome)
         if step.is_run_off:
             return await self._run_off_taken(step, outcome, end)
         if end is not None:
@@ -171,8 +171,8 @@ class CommandRun:
             if step.then is None or await self.wire.see(step.then) is not None:
                 return None
             if isinstance(outcome, Answered) and await self.wire.is_refused(step.then.reads, _NOT_SET_UP):
-                # A starter that does not let the bit be read: acknowledgement and standstill suffice.
-                await self.judge.demand_again()
+                # The bit cannot be read: an acknowledged run = 0 and another look at a motor at rest suffice.
+                await self.judge.look()
                 return None
             point, within_s = step.then.name, step.then.within_s
             reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
@@ -225,15 +225,14 @@ class CommandRun:
         """Return whether the gateway stood still since what was read, or since run = 0."""
         return min(self.wire.seen_s, self._cleared_s) < self.report.reporting.stood_still_s()
 
-    def _taken(self, outcome: Outcome) -> Final | None:
+    def _taken(self, procedure: Procedure, outcome: Outcome) -> Final | None:
         """Record the outcome of a write; return the end when it did not go out or was refused."""
         match outcome:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
                 self.report.write()
             case Refused():
                 refusal = refusal_of(self.starter.profile, outcome.code)
-                procedure = self._outlook.procedure
-                if outcome.code not in _MAY_ACT or procedure is None or not procedure.is_motion:
+                if outcome.code not in _MAY_ACT or not procedure.is_motion:
                     return Final(Phase.FAILED, refusal)
                 self._outlook.refusal = refusal
                 self.report.write()
