@@ -1,4 +1,4 @@
-"""Which commands may come in: judged without reading anything, and ten a second of a client at most."""
+"""Which commands may come in: judged without reading anything, and at most so many a second of a client."""
 
 from __future__ import annotations
 

@@ -74,10 +74,6 @@ class Commands:
         self._answer(request, refusal)
         return _followed(came)
 
-    def verb_error(self, starter: str, verb: str) -> CommandError | None:
-        """Return what is wrong with a verb for a starter; None when nothing is."""
-        return self.admission.verb_error(starter, verb)
-
     def objection(self, request: CommandRequest) -> CommandError | None:
         """Return why a command would be refused if it came now; None when it would be taken.
 
