@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from math import isinf
 from typing import Annotated
 
@@ -80,7 +80,7 @@ class KnownWatchdogs:
 
     def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
         """Return the polls with which a starter begins, with the deadline that they must meet."""
-        return _dated(polls_of(setup), self.limit_s(setup))
+        return polls_of(setup, self.limit_s(setup))
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
@@ -169,13 +169,9 @@ def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
     return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
-def _dated(polls: Iterable[Poll], limit_s: float | None) -> tuple[Poll, ...]:
-    return tuple(replace(poll, deadline_s=limit_s) for poll in polls)
-
-
 def _forecast(setup: StarterSetup, on_line: OnLine) -> capacity.Forecast:
     """Return what a starter's line is like; this may take some tenths of a second."""
-    polls = [poll for each, limit_s in on_line for poll in _dated(polls_of(each), limit_s)]
+    polls = [poll for each, limit_s in on_line for poll in polls_of(each, limit_s)]
     return capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s)
 
 

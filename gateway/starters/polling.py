@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 from gateway.contract import EventCode, phrase
@@ -77,7 +77,6 @@ class Polling:
         self._line = line
         self._state = ""  # of the starter, by which the pace is chosen
         self._plan = blocks_of(setup, setup.variant)
-        self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
         self.next_overdue_s = inf  # when to look for overdue blocks, at times a little early
         self._vital = vital_codes(setup.profile)
@@ -143,11 +142,6 @@ class Polling:
         for polled in self._polled.values():
             polled.last_s, polled.gap_s, polled.refusals = None, None, 0
 
-    def withdraw(self) -> None:
-        """Ask for nothing any more."""
-        self.is_withdrawn = True
-        self._withdraw(tuple(self._polled))
-
     def restore(self) -> None:
         """Ask for the whole plan again, whatever was refused."""
         self._whole_at_s = inf
@@ -161,7 +155,7 @@ class Polling:
         self._setup = setup
         self._keep_pace()
         plan = blocks_of(setup, variant)
-        if plan != self._plan and not self.is_withdrawn:
+        if plan != self._plan:
             self._plan = plan
             self.restore()
 
@@ -209,8 +203,7 @@ class Polling:
         if key not in self._polled:
             every_s = self._every_s(block)
             self._polled[key] = _Polled(block, every_s)
-            poll = self._setup.poll_of(block, every_s=every_s)
-            self._line.add_poll(replace(poll, deadline_s=None))  # the line has it, and may have a newer one
+            self._line.add_poll(self._setup.poll_of(block, every_s=every_s))  # the line knows the watchdog
 
     def _withdraw(self, keys: Iterable[str]) -> None:
         for key in keys:

@@ -29,7 +29,6 @@ from gateway.families import (
 )
 from gateway.modbus import Request
 from gateway.starters.bulk_read import short_reads
-from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
@@ -42,7 +41,6 @@ FIRST_LAP_EVERY_S = 10.0  # at first, and after each silence: changes are to be 
 REFUSED_FOR_S = 3600.0
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 
-IDENTIFIED = (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
 _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
 
 Words = tuple[int, ...]
@@ -86,7 +84,7 @@ class SettingsWatch(StarterService):
         starter = self._starter
         for pause_s in itertools.chain((after_s, *PAUSES_S), itertools.repeat(PAUSES_S[-1])):
             await asyncio.sleep(pause_s)
-            if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
+            if not starter.standing.is_family:
                 return  # its next identification begins this again
             codes, began_s = diagnosis.readiness_codes(starter.profile), asyncio.get_running_loop().time()
             found = await starter.read_rows(codes)
@@ -155,7 +153,7 @@ class SettingsWatch(StarterService):
             rows,
             gap_s=gap_s,
             watchdog_s=setup.watchdog_s,
-            slot_trouble=diagnosis.slot_trouble(starter.profile, setup.variant, starter.identity),
+            slot_trouble=diagnosis.slot_trouble(starter.profile, setup.variant, starter.standing.identity),
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
         if not findings or not self._published.is_new(said):
