@@ -191,13 +191,6 @@ class Polling:
                 self.next_overdue_s = min(self.next_overdue_s, overdue_s)
         return tuple(codes)
 
-    @property
-    def patience_s(self) -> float:
-        """Return the age up to which a row of the status is still current."""
-        stretch = self._line.stretch
-        periods_s = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
-        return OVERDUE_PERIODS * max(periods_s, default=self._setup.every_s) + OVERDUE_GRACE_S
-
     def _add(self, block: reading.Block) -> None:
         key = self._setup.key_of(block)
         if key not in self._polled:

@@ -102,7 +102,7 @@ class StarterTelemetry:
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self.services: list[StarterService] = []
         self._clock = records.clock
-        self._replies = ReplyReader(setup.profile, self._known_rows)
+        self._replies = ReplyReader(setup.profile, lambda: self.snapshot.readings)
         self._polling = Polling(setup, line)
         self.watchdogs = watchdogs
         self.watchdogs.add(setup, line)
@@ -244,7 +244,7 @@ class StarterTelemetry:
         """Take what rows say that were recorded for a command."""
         if self._publisher.is_closed or not self.setup.is_enabled:
             return  # only a stop asks such a starter, and needs its rows
-        known = self._known_rows(at_s)
+        known = self.snapshot.readings
         self._take(sources_of(self.profile).decode(self.variant, rows, known=known), at_s)
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
@@ -254,13 +254,9 @@ class StarterTelemetry:
         if self.standing.status is not IdentityStatus.MISMATCHED:
             self.watchdogs.note(self.setup.name, rows)
 
-    def _known_rows(self, at_s: float) -> Rows:
-        """Return the rows that were current then."""
-        return self.snapshot.rows_since(at_s - self._polling.patience_s)
-
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
         at_s = answer.at_s
-        said = self._replies.read(key, block, self.variant, answer.value, at_s=at_s)
+        said = self._replies.read(key, block, self.variant, answer.value)
         if self.standing.is_readable:  # else its values grow old
             self._polling.note_answer(key, at_s=at_s)
         if REFUSED_TOPIC in self.availability.troubles:
@@ -305,13 +301,11 @@ class StarterTelemetry:
         if not standing.is_readable:
             self._look(read=read)
             return
-        state, doubts = self.snapshot.state, NO_POINTS
+        state = self.snapshot.state
         points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
-        if said.missing:
-            doubts = bad(self.snapshot.readings, said.missing, standing.contradiction)
         if standing.contradiction:
             points = bad(points, points, standing.contradiction)
-        self._look(points, read, doubts=doubts)
+        self._look(points, read)
         word = self.snapshot.state.status.word
         self.on_readings(Readings(at_s, read.time_s, word, good_values(points)))
 

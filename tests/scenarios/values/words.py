@@ -9,12 +9,19 @@ from tests.rig import RigPlant, msg
 from tests.rig.rows import Action, Expectation
 
 
-def refuse_rows(name: str, addresses: Iterable[int], code: int = 2, *, for_s: float | None = None) -> Action:
+def refuse_rows(
+    name: str,
+    addresses: Iterable[int],
+    code: int = 2,
+    *,
+    for_s: float | None = None,
+    functions: tuple[int, ...] = (3, 4),
+) -> Action:
     """Have a starter refuse each read that has one of these registers in it, with an exception code."""
 
     def refused(pdu: bytes) -> bytes | None:
         first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
-        is_meant = pdu[0] in (3, 4) and any(first <= each < first + count for each in addresses)
+        is_meant = pdu[0] in functions and any(first <= each < first + count for each in addresses)
         return bytes((pdu[0] | 0x80, code)) if is_meant else b""
 
     return answers(name, refused, for_s=for_s)
