@@ -15,7 +15,7 @@ from typing import assert_never
 
 from gateway.contract import CommandError, EventCode, RecordWriter, phrase
 from gateway.errors import PortLostError
-from gateway.families import Profile, Variant, diagnosis, reading
+from gateway.families import Profile, diagnosis, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
 from gateway.starters.bulk_read import BulkReading, read_in_bulk, short_reads
@@ -266,13 +266,11 @@ class StarterTelemetry:
 
     def _take_refusal(self, key: str, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
-        if not refusal.is_lasting:
-            self._look()
-            return
-        unknown = self._polling.note_refusal(key, refusal.code, at_s=refusal.at_s)
+        code, at_s = refusal.code, refusal.at_s
+        unknown = self._polling.note_refusal(key, code, at_s=at_s) if refusal.is_lasting else ()
         if unknown and self._polling.block(key) is None:
             where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
-            logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
+            logger.info("%s refuses %s (%s)", where, *unknown, exception_name(code))
         self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
         self._look(doubts=bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
 
@@ -344,9 +342,10 @@ class StarterTelemetry:
         """Publish what follows from who answers, and read at once what counts from now on."""
         standing = self.standing
         if standing.is_family:
+            self.variant = merged(self.setup.variant, standing.identity)
+            self._polling.replan(self.setup, self.variant)
             self._polling.restore()  # another device may have refused what this one has
             self.line.retry_refused(self.setup.address)
-            self._take_variant(merged(self.setup.variant, standing.identity))
             self._publisher.info(info_of(self.setup, self.variant, standing.identity))
         reason = standing.contradiction
         trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
@@ -363,9 +362,3 @@ class StarterTelemetry:
             return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if was_lost else ""
         standing = self.standing
         return standing.contradiction if standing.is_readable else standing.reason
-
-    def _take_variant(self, variant: Variant) -> None:
-        if variant != self.variant:
-            self.variant = variant
-            self._polling.replan(self.setup, variant)
-            self._polling.expedite()  # some rows mean something else now

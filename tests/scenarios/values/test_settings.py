@@ -77,25 +77,28 @@ ROWS = [
             ),
         },
     ),
-    row(
-        "a setting changed at the keypad is found by the patrol, and the readiness is looked at again",
-        given=SSW07,
-        at={55: "pump P314 = 30"},
-        then={
-            54: never(EVENTS, code="parameter_changed"),
-            500: seen(
-                EVENTS,
-                times=1,
-                code="parameter_changed",
-                severity="warning",
-                data={
-                    "parameter": "P314",
-                    "before": {"value": 0.0, "unit": "s", "raw": [0], "label": "off"},
-                    "after": {"value": 30.0, "unit": "s", "raw": [30]},
-                },
-            ),
-            500.5: _readiness("pump", times=2),
-        },
+    *(
+        row(
+            f"a setting changed at the keypad is found, and the readiness is looked at again ({name})",
+            given=SITES[name],
+            at={55: f"{name} {code} = 30"},
+            then={
+                54: never(f"starter/{name}/event", code="parameter_changed"),
+                500: seen(
+                    f"starter/{name}/event",
+                    times=1,
+                    code="parameter_changed",
+                    severity="warning",
+                    data={"parameter": code, "before": {"raw": [0]}, "after": {"raw": [30], **after}},
+                ),
+                500.5: _readiness(name, times=2),
+            },
+        )
+        for name, code, after in (
+            ("pump", "P314", {"value": 30.0, "unit": "s"}),
+            ("fan", "P314", {}),
+            ("mill", "C8.2.5.3", {"value": 3.0}),
+        )
     ),
     row(
         "a setting that the gateway itself has changed is no event",
@@ -130,22 +133,6 @@ ROWS = [
         "each family says once whether it is ready, and nothing is written for that",
         given=FOUR,
         then={60: [check(name) for name in NAMES for check in (_is_said_once, nothing_written)]},
-    ),
-    *(
-        row(
-            f"a watchdog set at the keypad is an event, and the readiness is looked at again ({name})",
-            given=SITES[name],
-            at={60: f"{name} {code} = 70"},
-            then={
-                500: [
-                    seen(
-                        f"starter/{name}/event", times=1, code="parameter_changed", data={"parameter": code}
-                    ),
-                    _readiness(name, times=2),
-                ]
-            },
-        )
-        for name, code in (("fan", "P314"), ("mill", "C8.2.5.3"))
     ),
     row(
         "a readiness that could not be read is looked at again",
