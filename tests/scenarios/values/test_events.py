@@ -9,7 +9,7 @@ import pytest
 
 from tests.rig import ScenarioRow, command, msg, never, play, result, retained, row, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, QUICK, SITES, SST, SSW06, SSW07, SSW900
+from tests.rig.sites import ALICE, QUICK, SITES, SST, SSW07, SSW900
 
 
 def of(starter: str, code: str, **fields: Any) -> Expectation:
@@ -39,15 +39,6 @@ MOTORS = [
                 ),
                 no("pump", "fault"),
             ],
-        },
-    ),
-    row(
-        "local and remote operation are events, at the keypad too",
-        given=SSW900,
-        at={0: "mill S5.1.1 = 0x0102", 3: "mill S5.1.1 = 0x0002", 6: "mill S5.1.1 = 0x0102"},
-        then={
-            5.9: [of("mill", "local_operation"), no("mill", "remote_operation")],
-            9: [of("mill", "local_operation"), of("mill", "remote_operation")],
         },
     ),
 ]
@@ -171,15 +162,6 @@ ALARMS = [
                 seen("starter/mill/event", times=1, code="cleared"),
             ],
             20: [msg("starter/mill/alarm/a005", active=False), no("mill", "fault")],
-        },
-    ),
-    row(
-        "an SSW-06's alarm bit is the alarm `alarm`",
-        given=SSW06,
-        at={4: "fan alarm", 10: "fan clear"},
-        then={
-            8: [msg("starter/fan/alarm/alarm", active=True, severity="alarm"), of("fan", "alarm")],
-            14: msg("starter/fan/alarm/alarm", active=False, count=1),
         },
     ),
 ]
