@@ -69,21 +69,6 @@ def line_says(**within: tuple[float, float]) -> Expectation:
 
 OFFLINE = [
     row(
-        "four misses in a row are offline: said once, every value stale with its own old time",
-        given=TWO,
-        at={5.0: fault("silent", "pump")},
-        then={
-            4.9: msg("starter/pump/value/current", quality="good"),
-            20.0: [
-                msg("starter/pump/availability", state="offline", since=...),
-                msg("starter/pump/state", state="unknown"),
-                msg("starter/pump/value/current", quality="stale", value=0.0),
-                seen("starter/pump/event", code="went_silent", times=1),
-                never("starter/fan/availability", since=3.1),
-            ],
-        },
-    ),
-    row(
         "a starter that is away for long is asked ever less often, in the end every 16 s, but for a tenth",
         given=TWO,
         at={5.0: fault("silent", "pump")},

@@ -9,7 +9,7 @@ from itertools import pairwise
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row
+from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import SITES, SST, SSW07, SSW900, starter
 from tests.scenarios.values.words import answers, refuse_rows
@@ -48,8 +48,8 @@ PRESENCE = [
         at={5: fault("silent", "pump")},
         then={
             20: [
-                msg(PUMP + "availability", state="offline", reason=...),
-                event("went_silent", PUMP + "event", severity="warning"),
+                msg(PUMP + "availability", state="offline", since=..., reason=...),
+                seen(PUMP + "event", code="went_silent", severity="warning", times=1),
                 msg(PUMP + "state", state="unknown", quality="stale"),
                 _every_value_is("stale"),
                 _times_are_older_than(5.1),
