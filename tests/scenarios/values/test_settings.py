@@ -10,19 +10,7 @@ from tests.rig.sites import ALICE, FOUR, SITES, SSW07, SSW900
 from tests.scenarios.values.words import answers, nothing_written, refuse_rows
 
 EVENTS = "starter/pump/event"
-
-
-def _watchdogs(name: str, **expected: float) -> Expectation:
-    """The newest `readiness` has these watchdogs, by parameter, in seconds."""
-
-    def check(plant: RigPlant) -> str:
-        newest = [
-            each.json for each in plant.messages(f"starter/{name}/event") if each.json["code"] == "readiness"
-        ][-1]
-        found = {each["parameter"]: each["after_s"] for each in newest["data"]["watchdogs"]}
-        return "" if found == expected else str(found)
-
-    return check
+DOES = "shows E28 and disables the motor, which coasts"
 
 
 def _readiness(name: str, *, times: int) -> Expectation:
@@ -57,23 +45,19 @@ SELDOM_POLLED, SELDOM_POLLED_900 = (
 NAMES = ("pump", "fan", "mill", "belt")
 ROWS = [
     row(
-        "an SSW-07's watchdog is read at first contact, and counts for the line",
+        "a starter that does not take its commands from the line is an event, which names its watchdog",
         given=SSW07,
-        sim={"pump": {"settings": {314: 5, 313: 2}}},
+        sim={"pump": {"settings": {230: 0, 313: 2, 314: 5}}},
         then={
-            3: [_watchdogs("pump", P314=5.0)],
-            35: lambda plant: (
-                "" if plant.last("gateway/line/pumps")["watchdogs"]["longest_share"] > 0 else "not counted"
-            ),
-        },
-    ),
-    row(
-        "a starter that does not take its commands from the line is an event with its remedy",
-        given=SSW07,
-        sim={"pump": {"settings": {230: 0}}},
-        then={
-            10: event(
-                "readiness", EVENTS, severity="error", data={"would_refuse_start": True, "findings": ...}
+            3: event(
+                "readiness",
+                EVENTS,
+                severity="error",
+                data={
+                    "would_refuse_start": True,
+                    "findings": ...,
+                    "watchdogs": [{"parameter": "P314", "after_s": 5.0, "does": DOES}],
+                },
             ),
         },
     ),
