@@ -278,8 +278,7 @@ class StarterTelemetry:
         if self.availability.is_online:
             return
         self.availability.come_online()
-        if self.availability.was_lost:
-            self._polling.restore()
+        self._polling.restore()
         self.contact.begin(is_known=self.watchdogs.is_known(self.setup))
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
