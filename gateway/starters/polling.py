@@ -42,7 +42,7 @@ class _Polled:
     block: reading.Block
     every_s: float
     last_s: float | None = None  # of the last answer; None since the starter was lost, or this is overdue
-    gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
+    gap_s: float = UNKNOWN_GAP_S  # between the last two answers, as far as an over-full line explains it
     stretch: float = 1.0  # of the line's periods at the last answer, by which its next time was planned
     refusals: int = 0  # in a row
     exception: int = 0  # the code of the latest
@@ -52,21 +52,17 @@ class _Polled:
         """Return whether it was refused so often in a row that it is not by chance."""
         return self.refusals >= IN_ROW
 
-    def period_s(self, stretch: float) -> float:
-        """Return how long two answers are apart at most, where the line stretches periods by this much.
-
-        The gap before the last answer may have been a short one: what has changed is read again at once.
-        """
-        factor = max(stretch, self.stretch)
-        every_s = self.every_s if factor == 1.0 else (self.every_s or FREE_PERIOD_S)
-        return max(every_s * factor, self.gap_s or 0.0)
-
     def overdue_s(self, stretch: float) -> float:
-        """Return when the values of this block are stale unless it is answered before."""
+        """Return when the values of this block are stale unless it is answered before.
+
+        The line stretches periods by `stretch` now. The gap before the last answer may have been a short one:
+        what has changed is read again at once.
+        """
         if self.last_s is None:
             return inf
-        gap_s = UNKNOWN_GAP_S if self.gap_s is None else 0.0
-        return self.last_s + OVERDUE_PERIODS * max(self.period_s(stretch), gap_s) + OVERDUE_GRACE_S
+        factor = max(stretch, self.stretch)
+        every_s = self.every_s if factor == 1.0 else (self.every_s or FREE_PERIOD_S)
+        return self.last_s + OVERDUE_PERIODS * max(every_s * factor, self.gap_s) + OVERDUE_GRACE_S
 
 
 class Polling:
@@ -140,7 +136,7 @@ class Polling:
     def note_silence(self) -> None:
         """Record that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
-            polled.last_s, polled.gap_s, polled.refusals = None, None, 0
+            polled.last_s, polled.gap_s, polled.refusals = None, UNKNOWN_GAP_S, 0
 
     def restore(self) -> None:
         """Ask for the whole plan again, whatever was refused."""
