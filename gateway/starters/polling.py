@@ -41,7 +41,7 @@ class _Polled:
 
     block: reading.Block
     every_s: float
-    last_s: float | None = None  # of the last answer; None since the starter was lost, or this is overdue
+    last_s: float = inf  # of the last answer; inf since the starter was lost, or this is overdue
     gap_s: float = UNKNOWN_GAP_S  # between the last two answers, as far as an over-full line explains it
     stretch: float = 1.0  # of the line's periods at the last answer, by which its next time was planned
     refusals: int = 0  # in a row
@@ -58,8 +58,6 @@ class _Polled:
         The line stretches periods by `stretch` now. The gap before the last answer may have been a short one:
         what has changed is read again at once.
         """
-        if self.last_s is None:
-            return inf
         factor = max(stretch, self.stretch)
         every_s = self.every_s if factor == 1.0 else (self.every_s or FREE_PERIOD_S)
         return self.last_s + OVERDUE_PERIODS * max(every_s * factor, self.gap_s) + OVERDUE_GRACE_S
@@ -87,7 +85,7 @@ class Polling:
         """Record that a poll was answered."""
         polled = self._polled[key]
         stretch = polled.stretch = self._line.stretch
-        if polled.last_s is not None:
+        if polled.last_s < inf:
             slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s = at_s
@@ -136,7 +134,7 @@ class Polling:
     def note_silence(self) -> None:
         """Record that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
-            polled.last_s, polled.gap_s, polled.refusals = None, UNKNOWN_GAP_S, 0
+            polled.last_s, polled.gap_s, polled.refusals = inf, UNKNOWN_GAP_S, 0
 
     def restore(self) -> None:
         """Ask for the whole plan again, whatever was refused."""
@@ -181,7 +179,7 @@ class Polling:
         for polled in self._polled.values():
             overdue_s = polled.overdue_s(stretch)
             if overdue_s <= now_s:
-                polled.last_s = None
+                polled.last_s = inf
                 codes += polled.block.codes
             else:
                 self.next_overdue_s = min(self.next_overdue_s, overdue_s)
