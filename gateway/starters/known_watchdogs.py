@@ -18,7 +18,7 @@ from pydantic import Field, TypeAdapter
 
 from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.families import Procedure, Profile, diagnosis
-from gateway.line import LineClient, Poll, capacity
+from gateway.line import LineClient, capacity
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.store import Documents
 
@@ -77,10 +77,6 @@ class KnownWatchdogs:
         rows, admitted = self.rows(setup.name), self._admitted.get(setup.name, {})
         limits_s = _limit_s(setup, rows), _limit_s(setup, {**rows, **admitted})
         return min((limit_s for limit_s in limits_s if limit_s), default=None)
-
-    def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
-        """Return the polls with which a starter begins, with the deadline that they must meet."""
-        return polls_of(setup, self.limit_s(setup))
 
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
