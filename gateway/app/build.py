@@ -167,7 +167,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         RecordLog(clock),
         history,  # makes starts and trips of readings and records
         uplink.publisher,
-        commands.followers,  # who sent a command may follow its results
         latest,
         uplink.leftovers,
         *plugins,

@@ -330,7 +330,6 @@ class ResultRecord(Record):
     ] = False
     values: Annotated[Mapping[str, Any], _described_by(ResultValues), _beside("by verb and code")] = _empty()
     correlation: Annotated[bytes | None, Field(exclude=True)] = None  # MQTT 5 correlation data, echoed
-    ticket: Annotated[int, Field(exclude=True)] = 0  # by which its sender is handed it; 0: by none
 
     @property
     def is_confirmed(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from datetime import datetime
 from typing import Annotated, Any
@@ -19,6 +19,7 @@ from pydantic import (
 )
 
 from gateway.contract.json_text import read_object
+from gateway.contract.records import ResultRecord
 from gateway.contract.results import CommandError, ResultCode
 from gateway.contract.topics import shortened
 from gateway.system.value_demands import demand_of
@@ -65,7 +66,7 @@ class CommandRequest:
     decided_s: float | None = None  # on the steady clock: not decided upon before; None: that is not known
     source: str = ""  # "web": the status page; empty: MQTT
     remark: str = ""  # on how it was sent; each of its results says so
-    ticket: int = 0  # by which its sender is handed the results; 0: by none
+    follow: Callable[[ResultRecord], None] | None = field(default=None, compare=False)  # gets its results
 
     @property
     def until_s(self) -> float:

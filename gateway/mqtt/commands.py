@@ -125,7 +125,7 @@ class IncomingCommands:
 
         `address` is what its topic says, `received_s` its arrival on the steady clock.
         """
-        received = command_in(address, incoming, received_s, verb_error=self._commands.verb_error)
+        received = command_in(address, incoming, received_s, verb_error=self._commands.admission.verb_error)
         self._commands.submit(received.request, received.refusal)
         if received.refusal is not None and received.problem:
             malformed = (received.problem, shortened(incoming.topic, 120), received.refusal.text)

@@ -6,10 +6,10 @@ from gateway.contract import Note, Reason, ResultCode, meaning_of
 
 
 def test_a_reason_and_what_is_added_make_one_text() -> None:
-    reason = Reason(ResultCode.EXPIRED, "waiting", age_s=7.26).noted(Note("nothing_written"), None)
+    reason = Reason(ResultCode.SELECTION_EXPIRED, valid_s=10.0).noted(Note("nothing_written"), None)
 
-    assert reason.text == "the command arrived 7.3 s ago and is no longer valid; nothing was written"
-    assert reason.code == "expired"
+    assert reason.text == "the selection is more than 10 s old; select again; nothing was written"
+    assert reason.code == "selection_expired"
     assert reason.noted() == reason != Reason(ResultCode.EXPIRED, "message")
 
 

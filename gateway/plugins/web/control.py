@@ -46,7 +46,7 @@ class Control:
     def token(self) -> str:
         """Return a proof of freshness that is at most a second old, and younger than the latest stop."""
         gateway, now_s = self._gateway, self._gateway.clock.now_s()
-        is_old = now_s - self._token_s >= EVERY_S or self._token_s < gateway.commands.under_way.stopped_s()
+        is_old = now_s - self._token_s >= EVERY_S or self._token_s < gateway.commands.admission.stopped_s()
         if is_old or gateway.tokens.made_s(self._token) is None:
             self._token, self._token_s = gateway.tokens.issue(now_s), now_s
         return self._token

@@ -1,12 +1,12 @@
-"""Which commands may come in: judged without reading anything, and ten a second of a client at most."""
+"""Which commands may come in: judged without reading anything, and at most so many a second of a client."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
+from math import inf
 
 from gateway.contract import (
-    CANCEL,
     OWN_VERBS,
     SELECT,
     STOP,
@@ -19,14 +19,14 @@ from gateway.contract import (
 from gateway.families import Preparation, command
 from gateway.starters.command.proofs import Proofs
 from gateway.starters.command.report import MAY_BE_TURNING, CommandReport, Final, Reporting, Retention
-from gateway.starters.command.run.decision import demand_identified
+from gateway.starters.command.run.decision import CAN_WAIT, demand_identified
+from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.policy import Guard, Policy
-from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked
+from gateway.starters.policy.preconditions import STATE, Expectation, demand_unlocked, is_forbidden
 from gateway.starters.starter import StarterTelemetry
 from gateway.system.rate_limits import REFUSAL_EVERY_S, Bucket, Damped, Rate
 
 OF_CLIENT = Rate(20.0, 100)  # more than a person can send by hand
-ANSWERED_STOPS = 8  # of one starter at the same time; the others are carried out all the same
 
 
 class Overload:
@@ -46,7 +46,7 @@ class Overload:
     def answer(self, request: CommandRequest, *, is_stopped: bool = False) -> None:
         """Answer a command now, or count it; one whose id is known gets no answer.
 
-        `is_stopped`: a stop whose frame goes out, but which is not followed up to an end of its own.
+        `is_stopped`: a stop that shares its frame with others, and is not followed up to an end of its own.
         """
         if self._reporting.ledger.find(request.client, request.id) is None:
             self._answers.put((self._client(request), is_stopped), (request, is_stopped))
@@ -76,6 +76,18 @@ class Admission:
     starters: Mapping[str, StarterTelemetry]
     policy: Policy
     proofs: Proofs
+
+    def __post_init__(self) -> None:
+        self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
+
+    def note_stop(self, name: str, came_s: float) -> None:
+        """Let nothing count that was decided upon before a stop came, on the steady clock."""
+        self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
+        self.policy.selections.end(name)
+
+    def stopped_s(self) -> float:
+        """Return when the latest stop of any starter came, on the steady clock."""
+        return max(self._stopped_s.values(), default=-inf)
 
     def admit(self, request: CommandRequest) -> CommandRequest:
         """Return a command that may come in; all but a stop with the time at which it was decided upon."""
@@ -122,7 +134,11 @@ class Admission:
         return [name for name in self.members(request) if allowed(client, verb=STOP, starter=name)]
 
     def check_target(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
-        """Demand that a command makes sense for a starter that answers, is known and not locked."""
+        """Demand that a command makes sense for a starter that answers, is known and not locked.
+
+        The refusal of an old wish names the stop, whatever else is wrong with it.
+        """
+        self._demand_decided_after_stop(request)
         is_local = starter.snapshot.good_values().get("remote") is False
         preparation = command.prepare(
             starter.profile, starter.variant, request.verb, request.args, is_local=is_local
@@ -142,11 +158,19 @@ class Admission:
             raise CommandError(ResultCode.SELECT_FIRST, verb=request.verb)
         return Guard(request, self.policy, expectations)
 
+    def _demand_decided_after_stop(self, request: CommandRequest) -> None:
+        """Refuse what came before the latest stop of its starter; what may move the motor also when it
+        came later, but may have been decided upon before.
+        """
+        stopped_s = self._stopped_s.get(request.starter, -inf)
+        if request.received_s <= stopped_s:
+            raise CommandError(ResultCode.STOPPED_FIRST, "overtaken")
+        if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
+            return
+        if request.decided_s is not None and request.decided_s < stopped_s:
+            raise CommandError(ResultCode.STOPPED_FIRST, "decided", ahead_s=MAX_AHEAD_S)
+
     def _may(self, request: CommandRequest) -> bool:
-        """Return whether the client has the right; who may do something may also select it, and cancel."""
-        verb, client, starter = request.verb, request.client, request.starter
-        if verb == CANCEL:
-            return self.policy.rights.has_any(client, starter=starter)
-        if verb == SELECT:
-            verb = str(request.args.get("verb"))
-        return self.policy.rights.is_allowed(client, verb=verb, starter=starter)
+        """Return whether the client has the right; who may do something may also select it."""
+        verb = str(request.args.get("verb")) if request.verb == SELECT else request.verb
+        return self.policy.rights.is_allowed(request.client, verb=verb, starter=request.starter)

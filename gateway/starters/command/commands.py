@@ -8,32 +8,28 @@
 from __future__ import annotations
 
 import asyncio
-import itertools
 from collections.abc import AsyncIterator, Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, replace
-from weakref import WeakValueDictionary
+from functools import partial
 
 from gateway.contract import (
-    LOCK,
     OWN_VERBS,
-    SELECT,
     STOP,
     CommandError,
     CommandRequest,
     EventCode,
     Phase,
-    Record,
     RecordWriter,
     ResultCode,
     ResultRecord,
 )
 from gateway.families import Preparation, reading
-from gateway.starters.command.admission import ANSWERED_STOPS, Admission, Overload
+from gateway.starters.command.admission import Admission, Overload
 from gateway.starters.command.ledger import Ledger, LedgerEntry
-from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline, target_of
+from gateway.starters.command.own_verbs import OwnVerbs, SetBaseline
 from gateway.starters.command.proofs import Proofs
 from gateway.starters.command.report import CommandReport, CommandStep, GroupReport, Reporting, Retention
-from gateway.starters.command.run.decision import judge, rows_for
+from gateway.starters.command.run.decision import judge
 from gateway.starters.command.run.ends import crashed
 from gateway.starters.command.under_way import UnderWay
 from gateway.starters.policy.policy import Guard, Policy
@@ -41,39 +37,6 @@ from gateway.starters.starter import StarterTelemetry
 from gateway.store import Journal, Remembered
 
 Results = AsyncIterator[ResultRecord]  # of one command as they come, up to the final one
-_Came = asyncio.Queue[ResultRecord]
-
-
-class Followers:
-    """Hands results to those who follow their commands, by ticket, as long as they do."""
-
-    takes = (ResultRecord,)
-
-    def __init__(self) -> None:
-        self._tickets = itertools.count(1)
-        self._came: WeakValueDictionary[int, _Came] = WeakValueDictionary()
-
-    def follow(self) -> tuple[int, Results]:
-        """Return a new ticket and the results that it will get.
-
-        Of a group's stop these are the group's own: its members' results have no ticket.
-        """
-        ticket, came = next(self._tickets), _Came()
-        self._came[ticket] = came
-        return ticket, _followed(came)
-
-    def put(self, record: Record) -> None:
-        """Take a result that is published."""
-        if isinstance(record, ResultRecord) and (came := self._came.get(record.ticket)):
-            came.put_nowait(record)
-
-
-async def _followed(came: _Came) -> Results:
-    is_over = False
-    while not is_over:
-        result = await came.get()
-        is_over = result.phase.is_final
-        yield result
 
 
 @dataclass(eq=False, kw_only=True)
@@ -90,30 +53,26 @@ class Commands:
 
     def __post_init__(self) -> None:
         ledger = Ledger(now_s=self.records.clock.now_s, on_forgotten=self.journal.forget)
-        self._reporting = Reporting(self.records, ledger, self.journal, self.proofs.stood_still_s)
-        self.under_way = UnderWay(self.starters, self._reporting)
-        self._admission = Admission(self.starters, self.policy, self.proofs)
-        self._own_verbs = OwnVerbs(self._admission, self.policy, self.set_baseline)
+        self._reporting = Reporting(self.records, ledger, self.journal, self.proofs.suspend_watch.ended_s)
+        self.under_way = UnderWay(self.starters)
+        self.admission = Admission(self.starters, self.policy, self.proofs)
+        self._own_verbs = OwnVerbs(self.admission, self.policy, self.set_baseline)
         self._overload = Overload(self._reporting, self.policy)
-        self.followers = Followers()
 
     def submit(self, request: CommandRequest, refusal: CommandError | None = None) -> Results:
         """Judge a command at once; carry an accepted one out in a task of its own.
 
-        One that comes with a refusal is not fit to be judged; a repetition gets the first one's result.
+        One that comes with a refusal is not fit to be judged; a repetition gets the first one's result. The
+        results of a group's stop are the group's own, without its members'.
         """
-        ticket, results = self.followers.follow()
-        request = replace(request, ticket=ticket)
+        came = asyncio.Queue[ResultRecord]()
+        request = replace(request, follow=came.put_nowait)
         try:
-            request = request if refusal else self._admission.admit(request)
+            request = request if refusal else self.admission.admit(request)
         except CommandError as error:
             refusal = error
         self._answer(request, refusal)
-        return results
-
-    def verb_error(self, starter: str, verb: str) -> CommandError | None:
-        """Return what is wrong with a verb for a starter; None when nothing is."""
-        return self._admission.verb_error(starter, verb)
+        return _followed(came)
 
     def objection(self, request: CommandRequest) -> CommandError | None:
         """Return why a command would be refused if it came now; None when it would be taken.
@@ -121,7 +80,7 @@ class Commands:
         Nothing is done, read or counted. A command in two steps counts as selected.
         """
         try:
-            self._admission.check_sender(request)
+            self.admission.check_sender(request)
             self._demand_open(request.verb)
             if request.verb != STOP:
                 self._preview(request, self.starters[request.starter])
@@ -167,8 +126,8 @@ class Commands:
             self._own_verbs.judge(request, starter)
             return
         preparation = self._prepared(request, starter)
-        rows, points = rows_for(preparation, starter.snapshot.rows), starter.snapshot.good_values()
-        judge(request, starter, preparation, Guard(request, self.policy), rows=rows, points=points)
+        known, points = starter.snapshot.rows, starter.snapshot.good_values()
+        judge(request, starter, preparation, Guard(request, self.policy), known=known, points=points)
 
     def _demand_open(self, verb: str) -> None:
         if self.under_way.is_closing:
@@ -197,7 +156,7 @@ class Commands:
     def _repeat(self, request: CommandRequest, earlier: LedgerEntry) -> None:
         """Send the stored result of a command again."""
         if earlier.is_published:  # else the answer of the first is still to come
-            self.records.put(earlier.answer(request))
+            self._reporting.publish(earlier.answer(request), request)
         self._reporting.audit(request, "duplicate", earlier.result.code)
 
     def _refuse(self, request: CommandRequest, error: CommandError, keep: Retention = Retention.RUN) -> None:
@@ -213,67 +172,51 @@ class Commands:
 
     def _take(self, request: CommandRequest) -> None:
         """Take a command that is not known yet; refuse one that cannot even begin."""
-        starter = self.starters[request.starter]
         try:
             self._demand_open(request.verb)
-            if request.verb in OWN_VERBS:
-                self._do_own(request, starter)
-            else:
-                self._begin(request, starter)
+            begin = self._judged(request, self.starters[request.starter])
         except CommandError as refusal:
             # Without the ledger, what it has may say something else.
             is_stored = refusal.code != ResultCode.NOT_STORED
             self._refuse(request, refusal, Retention.DISK if is_stored else Retention.RUN)
-
-    def _begin(self, request: CommandRequest, starter: StarterTelemetry) -> None:
-        """Carry out a command of a starter's family; CommandError when it cannot even begin."""
-        preparation = self._prepared(request, starter)
-        guard = self._admission.guard(request, starter)
-        reads = reading.with_rows(starter.profile, preparation.reads, guard.codes)
+            return
         report = CommandReport(request, self._reporting)
         report.accept()
-        self.under_way.begin(report, replace(preparation, reads=reads), guard)
+        begin(report)
+
+    def _judged(self, request: CommandRequest, starter: StarterTelemetry) -> Callable[[CommandReport], None]:
+        """Return what carries a command out once it is accepted; CommandError when it cannot even begin."""
+        if request.verb in OWN_VERBS:
+            return partial(self.under_way.do, self._own_verbs.judge(request, starter))
+        preparation = self._prepared(request, starter)
+        guard = self.admission.guard(request, starter)
+        reads = reading.with_rows(starter.profile, preparation.reads, guard.codes)
+        return partial(self.under_way.begin, replace(preparation, reads=reads), guard)
 
     def _prepared(self, request: CommandRequest, starter: StarterTelemetry) -> Preparation:
         """Return what is to be read and done; CommandError where the starter is not free for this command."""
-        busy = self.under_way.busy(request.starter)
-        if busy is None:  # the refusal of an old wish names the stop, whatever else is wrong with it
-            self.under_way.demand_decided_after_stop(request)
-        preparation = self._admission.check_target(request, starter)
-        if busy is not None:
-            raise busy
+        preparation = self.admission.check_target(request, starter)
+        self.under_way.demand_free(request.starter)
         return preparation
-
-    def _do_own(self, request: CommandRequest, starter: StarterTelemetry) -> None:
-        """Carry out one of the gateway's own verbs; CommandError when it must not be."""
-        deed = self._own_verbs.judge(request, starter)
-        if request.verb == SELECT:
-            self.under_way.demand_decided_after_stop(target_of(request))
-        report = CommandReport(request, self._reporting)
-        report.accept()
-        self.under_way.do(report, deed)
-        if request.verb == LOCK:
-            self.under_way.cut_for_lock(request.starter)
 
     def _take_stop(self, request: CommandRequest, earlier: LedgerEntry | None) -> None:
         """Stop a starter, or all members of a group that this client may stop; answer what can be.
 
         `earlier`: the same stop under the same id. While that is under way, its end is the answer.
         """
-        names = self._admission.stoppable(request)
-        is_full = any(self.under_way.answered_stops(name) >= ANSWERED_STOPS for name in names)
+        names, is_shared = self.admission.stoppable(request), False
         if not self.under_way.is_closing:
             # Before anything is published: that takes longer than the line's silence.
             for name in names:
-                self.policy.selections.end(name)  # what was decided upon before the stop is decided again
-                self.under_way.stop(name, request.received_s)
+                self.admission.note_stop(name, request.received_s)
+                is_shared |= self.under_way.stop(name)
             self.on_stop()
         if earlier is not None and not earlier.result.phase.is_final:
             if self._overload.admits(request):
                 self._repeat(request, earlier)
         elif self.under_way.is_closing:
             self._refuse(request, CommandError(ResultCode.SHUTTING_DOWN))
-        elif is_full:
+        elif is_shared:
             self._overload.answer(request, is_stopped=True)
         else:
             is_repeat = earlier is not None
@@ -286,10 +229,18 @@ class Commands:
         if report.request.starter in self.starters:
             self.under_way.join(report)
             return
-        members = self._admission.members(report.request)
+        members = self.admission.members(report.request)
         for member in map(GroupReport(report, members).member, members):
             if member.request.starter in stopped:
                 member.accept()
                 self.under_way.join(member)
             else:
-                member.reject(self._admission.no_right(member.request).reason)
+                member.reject(self.admission.no_right(member.request).reason)
+
+
+async def _followed(came: asyncio.Queue[ResultRecord]) -> Results:
+    is_over = False
+    while not is_over:
+        result = await came.get()
+        is_over = result.phase.is_final
+        yield result

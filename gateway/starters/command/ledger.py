@@ -51,8 +51,7 @@ class LedgerEntry:
         text = self.result.text
         if self.result.phase is Phase.REJECTED:
             text = joined(text, Note("stays_refused").text)
-        correlation, ticket = request.correlation, request.ticket
-        return replace(self.result, text=text, is_duplicate=True, correlation=correlation, ticket=ticket)
+        return replace(self.result, text=text, is_duplicate=True, correlation=request.correlation)
 
 
 @dataclass(kw_only=True)

@@ -82,9 +82,9 @@ class OwnVerbs:
         if state == "unknown":
             raise CommandError(ResultCode.STATE_UNKNOWN, "select")
         earlier = selections.of(request.starter, now_s=now_s)
-        if earlier is not None and earlier.client != request.client:
+        if earlier is not None and earlier.target.client != request.client:
             wait_s = earlier.until_s - now_s
-            raise CommandError(ResultCode.SELECTED_BY_OTHER, client=earlier.client, wait_s=wait_s)
+            raise CommandError(ResultCode.SELECTED_BY_OTHER, client=earlier.target.client, wait_s=wait_s)
         yield None
         token = selections.select(target, state, now_s=now_s)
         reason = Reason(ResultCode.OK, "selected", state=state, verb=target.verb, valid_s=VALID_S)
@@ -92,7 +92,7 @@ class OwnVerbs:
 
     def _cancel(self, request: CommandRequest, _starter: StarterTelemetry) -> Deed:
         selection = self.policy.selections.of(request.starter, now_s=self.policy.clock.now_s())
-        if selection is None or selection.client != request.client:
+        if selection is None or selection.target.client != request.client:
             raise CommandError(ResultCode.NOT_SELECTED, "client", client=request.client)
         yield None
         self.policy.selections.end(request.starter)

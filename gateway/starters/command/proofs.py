@@ -27,7 +27,6 @@ class Proofs:
     publish_event: PublishEvent
 
     def __post_init__(self) -> None:
-        self.stood_still_s = self.suspend_watch.ended_s  # when the latest standstill ended, steady clock
         self.suspend_watch.on_suspended = self._note_suspension
         self.clock_watch.on_change = self._note_clock
 

@@ -10,7 +10,6 @@ import enum
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import KW_ONLY, dataclass, field, replace
 from functools import partial
-from math import inf
 from typing import Any
 
 from gateway.contract import (
@@ -91,7 +90,13 @@ class Reporting:
     records: RecordWriter
     ledger: Ledger
     journal: Journal
-    stood_still_s: Callable[[], float] = lambda: -inf  # when the latest standstill ended, on the steady clock
+    stood_still_s: Callable[[], float]  # when the latest standstill ended, on the steady clock
+
+    def publish(self, result: ResultRecord, request: CommandRequest) -> None:
+        """Publish a result of a command, and hand it to that command's follower."""
+        self.records.put(result)
+        if request.follow is not None:
+            request.follow(result)
 
     def audit(self, request: CommandRequest, decision: str, code: str, **sides: Any) -> None:
         """Record one decision about a command; `sides` are the points `before` and `after` its write."""
@@ -131,10 +136,6 @@ class CommandReport:
     before: Mapping[str, Any] = field(default_factory=dict)  # what was read before anything was written
     _latest: ResultRecord | None = None  # as stored
     _is_over: bool = False  # its final result is published
-
-    def is_outdated(self, seen_s: float) -> bool:
-        """Return whether the gateway has stood still since that moment: what was read by then is old."""
-        return seen_s < self.reporting.stood_still_s()
 
     def advance(self, to: CommandStep | Phase) -> None:
         """Go on to another step, or to the end with this phase."""
@@ -176,7 +177,7 @@ class CommandReport:
     def inform(self, client: str, end: Final) -> None:
         """Publish to another client what this command changed for that client; a result without an id."""
         result = self._result(end)
-        self.reporting.records.put(replace(result, client=client, id=None, correlation=None, ticket=0))
+        self.reporting.records.put(replace(result, client=client, id=None, correlation=None))
 
     def _result(self, end: Final) -> ResultRecord:
         """Return what the client reads of such an end, or of a phase before it."""
@@ -193,7 +194,6 @@ class CommandReport:
             is_duplicate=self.is_repeat,
             values=end.values,
             correlation=request.correlation,
-            ticket=request.ticket,
         )
 
     def _decide(self, end: Final) -> None:
@@ -218,7 +218,7 @@ class CommandReport:
             # Where the ledger keeps the result of another command under this id, a stop is stored without it.
             journal.note(result if is_known else replace(result, id=None))
         if result.starter and result.client:  # else there is no topic for a result, only the audit
-            self.reporting.records.put(result)
+            self.reporting.publish(result, self.request)
 
     def _publish_end(self, result: ResultRecord) -> None:
         """Publish what is on the disk now, for repetitions too: no crash changes an end that is known.
@@ -229,7 +229,7 @@ class CommandReport:
             return
         self._is_over = result.phase.is_final
         self.reporting.ledger.store(result)
-        self.reporting.records.put(result)
+        self.reporting.publish(result, self.request)
 
 
 class GroupReport:
@@ -241,7 +241,7 @@ class GroupReport:
 
     def member(self, name: str) -> CommandReport:
         """Return the stop of one member: reported to the same client, with the same id, but not stored."""
-        request = replace(self.whole.request, starter=name, correlation=None, ticket=0)
+        request = replace(self.whole.request, starter=name, correlation=None, follow=None)
         return CommandReport(request, self.whole.reporting, retention=Retention.NONE, group=self)
 
     def note_end(self, name: str, end: Final) -> None:

@@ -11,18 +11,16 @@ import logging
 from collections.abc import Awaitable, Collection, Coroutine, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Any, TypeVar
 
-from gateway.contract import READ, STOP, CommandError, CommandRequest, Reason, ResultCode
+from gateway.contract import LOCK, READ, STOP, CommandError, Reason, ResultCode
 from gateway.families import Expect, Preparation
 from gateway.starters.command.own_verbs import Deed
-from gateway.starters.command.report import CommandReport, Reporting, Retention
+from gateway.starters.command.report import CommandReport, Retention
 from gateway.starters.command.run.decision import CAN_WAIT, Judge
 from gateway.starters.command.run.pipeline import CommandRun
 from gateway.starters.command.stop.machine import StopOrder, Stopping
 from gateway.starters.command.wire import HaltedError
-from gateway.starters.policy.freshness import MAX_AHEAD_S
 from gateway.starters.policy.policy import GATEWAY, Guard
 from gateway.starters.policy.preconditions import is_forbidden
 from gateway.starters.starter import StarterTelemetry
@@ -39,24 +37,23 @@ class UnderWay:
     """The commands and stops of all starters that are being carried out; all calls on the app's loop."""
 
     starters: Mapping[str, StarterTelemetry]
-    reporting: Reporting
 
     def __post_init__(self) -> None:
         self._runs: dict[str, CommandRun] = {}
         self._stops: dict[str, Stopping] = {}
-        self._stopped_s: dict[str, float] = {}  # by starter: when its latest stop came
         self._slots: dict[tuple[str, bool], asyncio.Semaphore] = {}  # by line, and whether they can wait
         self._tasks: set[asyncio.Task[None]] = set()
         self.is_closing = False
         self._leaving: Collection[str] = ()  # starters whose configuration is about to change
 
-    def busy(self, name: str) -> CommandError | None:
-        """Return the refusal for a starter under a command, a client's stop or a reload."""
+    def demand_free(self, name: str) -> None:
+        """Raise CommandError for a starter under a command, a client's stop or a reload."""
         if name in self._runs or (name in self._stops and not self._stops[name].is_own):
-            return CommandError(ResultCode.BUSY, "command")
-        return CommandError(ResultCode.BUSY, "reload") if name in self._leaving else None
+            raise CommandError(ResultCode.BUSY, "command")
+        if name in self._leaving:
+            raise CommandError(ResultCode.BUSY, "reload")
 
-    def begin(self, report: CommandReport, preparation: Preparation, guard: Guard) -> None:
+    def begin(self, preparation: Preparation, guard: Guard, report: CommandReport) -> None:
         """Carry out an accepted command other than a stop."""
         name, verb = report.request.starter, report.request.verb
         starter, slot = self.starters[name], None
@@ -68,7 +65,7 @@ class UnderWay:
         run = CommandRun(Judge(report, starter, preparation, guard), slot, self._run_off)
         self._carry_out(self._runs, name, run)
 
-    def do(self, report: CommandReport, deed: Deed) -> None:
+    def do(self, deed: Deed, report: CommandReport) -> None:
         """Carry out one of the gateway's own verbs, at once but for what waits for the disk."""
         try:
             stored = deed.send(report)
@@ -76,46 +73,23 @@ class UnderWay:
             report.finish(over.value)
         else:
             self._spawn(_finish(report, deed, stored))
+        if report.request.verb == LOCK:
+            self._cut_for_lock(report.request.starter)
 
-    def stop(self, name: str, came_s: float) -> None:
-        """Cut what this starter is doing, and have a frame sent for one more stop message."""
-        self._stopped_s[name] = max(came_s, self._stopped_s.get(name, -inf))
+    def stop(self, name: str) -> bool:
+        """Cut what this starter is doing, and have a frame sent for one more stop message.
+
+        Return whether it shares its frame with others, since too many came at once.
+        """
         run = self._runs.get(name)
         if run is not None:
             run.wire.halt(Reason(ResultCode.STOPPED_FIRST, "cut"))
-        self._stopping(name).ask(with_jog=run is not None and run.report.request.verb == "jog")
-
-    def answered_stops(self, name: str) -> int:
-        """Return how many stop commands of a starter are under way and will be answered."""
-        return self._stops[name].count if name in self._stops else 0
+        is_jog = run is not None and run.report.request.verb == "jog"
+        return self._stopping(name).ask(with_jog=is_jog).is_shared
 
     def join(self, report: CommandReport) -> None:
         """Have an accepted stop answered, for which a frame was asked."""
         self._stops[report.request.starter].join(report)
-
-    def stopped_s(self) -> float:
-        """Return when the latest stop of any starter came, on the steady clock."""
-        return max(self._stopped_s.values(), default=-inf)
-
-    def demand_decided_after_stop(self, request: CommandRequest) -> None:
-        """Refuse what came before the latest stop of its starter; what may move the motor also when it
-        came later, but may have been decided upon before.
-        """
-        stopped_s = self._stopped_s.get(request.starter, -inf)
-        if request.received_s <= stopped_s:
-            raise CommandError(ResultCode.STOPPED_FIRST, "overtaken")
-        if request.verb in CAN_WAIT or not is_forbidden(request.verb, request.args):
-            return
-        if request.decided_s is not None and request.decided_s < stopped_s:
-            raise CommandError(ResultCode.STOPPED_FIRST, "decided", ahead_s=MAX_AHEAD_S)
-
-    def cut_for_lock(self, name: str) -> None:
-        """Let a command that the lock forbids not be written any more; what is written is still read back."""
-        run = self._runs.get(name)
-        if run is None or run.report.is_written:
-            return
-        if is_forbidden(run.report.request.verb, run.report.request.args):
-            run.wire.halt(Reason(ResultCode.LOCKED, "cut"))
 
     async def settle(self, starters: Collection[str], *, within_s: float) -> None:
         """Wait until these starters are under no command; they take none but stop until `reopen`."""
@@ -151,10 +125,18 @@ class UnderWay:
             self._carry_out(self._stops, name, Stopping(self.starters[name]))
         return self._stops[name]
 
+    def _cut_for_lock(self, name: str) -> None:
+        """Let a command that the lock forbids not be written any more; what is written is still read back."""
+        run = self._runs.get(name)
+        if run is None or run.report.is_written:
+            return
+        if is_forbidden(run.report.request.verb, run.report.request.args):
+            run.wire.halt(Reason(ResultCode.LOCKED, "cut"))
+
     def _run_off(self, report: CommandReport, released: Expect) -> StopOrder:
         """Have the starter stopped until what a failed command left is seen to be gone; the audit has it."""
         request = replace(report.request, verb=STOP, args={}, source=GATEWAY)
-        own = CommandReport(request, self.reporting, retention=Retention.AUDIT)
+        own = CommandReport(request, report.reporting, retention=Retention.AUDIT)
         order = self._stopping(request.starter).ask(released)
         order.report = own
         own.accept()

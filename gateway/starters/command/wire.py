@@ -38,18 +38,8 @@ class OverdueError(GatewayError):
     """The command's time is over."""
 
 
-class RefusedError(GatewayError):
+class RefusedError(CommandError):
     """The starter refused a request with a Modbus exception."""
-
-    def __init__(self, profile: Profile, number: int, codes: Iterable[str] = ()) -> None:
-        code, rows = exception_result(number), ", ".join(codes)
-        if rows:
-            reason = Reason(code, "read", number=number, rows=rows)
-        else:
-            reason = Reason(code, "write", number=number)
-        cause = profile.exceptions.get(number)
-        self.reason = reason.noted(None if cause is None else Note("cause", cause=cause))
-        super().__init__(self.reason.text)
 
 
 class Wire:
@@ -87,7 +77,7 @@ class Wire:
         return outcome
 
     async def read(self, reads: Iterable[Read], *, lane: Priority) -> Rows:
-        """Return freshly read rows; CommandError without an answer, RefusedError."""
+        """Return freshly read rows; CommandError without an answer or, as RefusedError, when refused."""
         rows: Rows = {}
         self.seen_s = inf
         for read in reads:
@@ -98,7 +88,7 @@ class Wire:
         """Return freshly read rows for a read-back; None when a part of them could not be had in time."""
         try:
             return await self.read(reads, lane=self._read_back_lane)
-        except (CommandError, OverdueError, RefusedError):
+        except (CommandError, OverdueError):
             return None  # or the family that is spoken to now does not have such a row
 
     async def see(self, expect: Expect) -> dict[str, Any] | None:
@@ -151,7 +141,7 @@ class Wire:
                 self._starter.take_rows(rows, at_s=outcome.at_s)
                 return rows
             case Refused():
-                raise RefusedError(self._starter.profile, outcome.code, read.codes)
+                raise RefusedError(refusal_of(self._starter.profile, outcome.code, read.codes))
             case Silent(is_sent=False) | Garbled(is_sent=False):
                 raise CommandError(ResultCode.LINE_DOWN, "read", reason=outcome.reason)
             case Silent() | Garbled():
@@ -182,6 +172,13 @@ class Wire:
 def points_of(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return the points of what rows say, without the raw words."""
     return {name: value for name, value in values.items() if not isinstance(value, tuple)}
+
+
+def refusal_of(profile: Profile, number: int, codes: Iterable[str] = ()) -> Reason:
+    """Return why a write, or the reading of these rows, was refused: by this Modbus exception."""
+    code, rows, cause = exception_result(number), ", ".join(codes), profile.exceptions.get(number)
+    reason = Reason(code, "read", number=number, rows=rows) if rows else Reason(code, "write", number=number)
+    return reason.noted(None if cause is None else Note("cause", cause=cause))
 
 
 def exception_result(number: int) -> ResultCode:

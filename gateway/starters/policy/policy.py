@@ -114,7 +114,7 @@ class Guard:
 
     def check(self, points: Mapping[str, Any] | None = None) -> None:
         """Judge by the gateway's own rules, and by fresh points where there are some."""
-        self._check_time_and_lock()
+        demand_unlocked(self.request, self.policy.motor_history)
         if points is not None:
             for expectation in self.expectations:
                 expectation.check(points)
@@ -123,35 +123,27 @@ class Guard:
             now_s = policy.clock.now_s()
             demand_start(policy.settings, policy.motor_history, self.request.starter, now_s=now_s)
 
-    async def reserve(self, procedure: Procedure) -> None:
-        """Demand that the line can keep the watchdog that is set, which counts from now on; `end` follows."""
-        await self.policy.watchdogs.admit(self.request.starter, procedure)
-
     async def admit(self, procedure: Procedure) -> None:
-        """Judge for the last time, and count the start and the writes to the starter's memory.
+        """Judge for the last time, and count the start and the writes to the starter's memory; `end` follows.
 
-        Where a rule counts starts, the start is stored first.
+        The line must keep the watchdog that is set. Where a rule counts starts, the start is stored first.
         """
-        self.check()
         policy, starter = self.policy, self.request.starter
+        await policy.watchdogs.admit(starter, procedure)
+        self.check()
         if self._is_start:
             self._is_counted = True
             policy.motor_history.note_start(starter, now_s=policy.clock.now_s())
             if policy.settings.of(starter).is_counting:
                 if not await policy.document.saved(within_s=SAVED_WITHIN_S):
                     raise CommandError(ResultCode.NOT_KEPT, "start")
-                self._check_time_and_lock()
-        policy.write_budget.take(starter, procedure.wears, now_s=policy.clock.now_s())
+                demand_unlocked(self.request, policy.motor_history)
+        if procedure.wears:
+            policy.write_budget.take(starter, procedure.wears, now_s=policy.clock.now_s())
 
     def end(self, *, is_written: bool) -> None:
         """Record that the command is over: a watchdog that it may have written counts until it is read."""
         self.policy.watchdogs.end(self.request.starter, is_written=is_written)
-
-    def _check_time_and_lock(self) -> None:
-        request, now_s = self.request, self.policy.clock.now_s()
-        if now_s > request.until_s:
-            raise CommandError(ResultCode.EXPIRED, "waiting", age_s=now_s - request.received_s)
-        demand_unlocked(request, self.policy.motor_history)
 
 
 def lock_restored(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import fnmatch
 from collections.abc import Iterable
 
-from gateway.contract import Operator
+from gateway.contract import CANCEL, Operator
 
 ANY_VERB = "*"
 
@@ -20,16 +20,12 @@ class Rights:
         """Return whether the client has any right at all."""
         return any(operator.client == client for operator in self.operators)
 
-    def has_any(self, client: str, *, starter: str) -> bool:
-        """Return whether the client may do anything to this starter."""
-        return any(operator.client == client and _matches(operator, starter) for operator in self.operators)
-
     def is_lockable(self, starter: str) -> bool:
         """Return whether anybody may set a maintenance lock on this starter."""
         return any(self.is_allowed(each.client, verb="lock", starter=starter) for each in self.operators)
 
     def is_allowed(self, client: str, *, verb: str, starter: str) -> bool:
-        """Return whether one of the client's entries names this verb and this starter."""
+        """Return whether one of the client's entries names this verb and this starter; any gives `cancel`."""
         return bool(self._granting(client, verb, starter))
 
     def freshness(self, client: str, *, verb: str, starter: str) -> tuple[str, ...]:
@@ -43,7 +39,8 @@ class Rights:
         return [
             each
             for each in self.operators
-            if each.client == client and {ANY_VERB, verb} & set(each.may) and _matches(each, starter)
+            if each.client == client and _matches(each, starter)
+            if verb == CANCEL or {ANY_VERB, verb} & set(each.may)
         ]
 
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any
 
 from gateway.contract import CommandError, CommandRequest, ResultCode
 
@@ -17,9 +15,7 @@ class Selection:
     """What a token stands for."""
 
     token: str
-    client: str
-    verb: str
-    args: Mapping[str, Any]
+    target: CommandRequest  # the command that may follow
     state: str  # as the client saw it
     until_s: float  # on the steady clock
 
@@ -37,9 +33,8 @@ class Selections:
 
     def select(self, target: CommandRequest, state: str, *, now_s: float) -> str:
         """Select for a command, seen in this state; return the token. An earlier selection ends."""
-        token, until_s = secrets.token_hex(8), now_s + VALID_S
-        chosen = Selection(token, target.client, target.verb, args=target.args, state=state, until_s=until_s)
-        self._selections[target.starter] = chosen
+        token = secrets.token_hex(8)
+        self._selections[target.starter] = Selection(token, target, state, until_s=now_s + VALID_S)
         return token
 
     def end(self, starter: str) -> None:
@@ -48,14 +43,15 @@ class Selections:
 
     def take(self, request: CommandRequest, *, now_s: float) -> Selection:
         """Use the client's selection up and return it; CommandError when it is not for this command."""
-        selection = self._selections.get(request.starter)
-        if selection is None or (selection.client, selection.token) != (request.client, request.select):
+        selected = self._selections.get(request.starter)
+        if selected is None or selected.token != request.select or selected.target.client != request.client:
             raise CommandError(ResultCode.NOT_SELECTED, "token")
         self.end(request.starter)
-        if now_s >= selection.until_s:
+        if now_s >= selected.until_s:
             raise CommandError(ResultCode.SELECTION_EXPIRED, valid_s=VALID_S)
-        if selection.verb != request.verb:
-            raise CommandError(ResultCode.SELECTED_OTHERWISE, "verb", verb=selection.verb)
-        if selection.args != request.args:
-            raise CommandError(ResultCode.SELECTED_OTHERWISE, "args", verb=selection.verb)
-        return selection
+        target = selected.target
+        if target.verb != request.verb:
+            raise CommandError(ResultCode.SELECTED_OTHERWISE, "verb", verb=target.verb)
+        if target.args != request.args:
+            raise CommandError(ResultCode.SELECTED_OTHERWISE, "args", verb=target.verb)
+        return selected

@@ -34,8 +34,6 @@ class WriteBudget:
 
     def take(self, starter: str, writes: int, *, now_s: float) -> None:
         """Count so many writes as done now; CommandError, and nothing is counted, when they are too many."""
-        if not writes:
-            return
         times, most = self._times.setdefault(starter, deque()), MOST_PER_HOUR
         while times and times[0] <= now_s - HOUR_S:
             times.popleft()

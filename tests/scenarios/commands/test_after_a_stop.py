@@ -71,6 +71,12 @@ ROWS = [
          "start confirmed ok", stopped="fan", pdus=[START]),
     late("a start by a token of after", command("pump/alice/start"), "start confirmed ok",
          pdus=[STOP, START]),
+    row(
+        "a start by a token of before, while the stop is still under way",
+        given=SITE,
+        at={5.0: "pump VB01 = 0x5123", 5.5: publish("command/pump/alice/stop"), 7.0: by_old("start")},
+        then={7.5: seen("result/pump/alice", verb="start", phase="rejected", code="stopped_first")},
+    ),
     *(
         late(
             f"{verb} {args}",

@@ -307,8 +307,8 @@ DECIDED = [
                     frames("pump")]},
     ),
     hindered("a stop that comes while the frame of a start is on its way ends the start as unconfirmed",
-             "pump start", "unconfirmed stopped_first", None, sim={"pump": QUICK}, until_s=4.05,
-             at={4.03: command("pump/alice/stop", id=None, fresh=False)}),
+             "pump start", "unconfirmed stopped_first", None, sim={"pump": QUICK}, until_s=4.07,
+             at={4.05: command("pump/alice/stop", id=None, fresh=False)}),
     hindered("a line that is never quiet from the second of four writes on leaves a command unconfirmed",
              "pump reset", "unconfirmed no_answer", None, frames("pump", RUN_OFF, JOG_OFF),
              at={2.0: "pump trip E05", 4.001: once_written("pump", JOG_OFF, chatter(0.002, 20.0))}),
@@ -446,10 +446,10 @@ DISK = [
 LIMITS = [
     row(
         "of more starts than a line can serve while they are fresh the first act and the others expire",
-        given=line() + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 41)) + ALICE,
-        sim={f"p{n}": QUICK for n in range(1, 41)},
-        at={9.0: [command(f"p{n}/alice/start") for n in range(1, 41)]},
-        then={20.0: lambda plant: some_expired(plant.results()[-120:])},
+        given=line() + "".join(starter(f"p{n}", n, "ssw07") for n in range(1, 53)) + ALICE,
+        sim={f"p{n}": QUICK for n in range(1, 53)},
+        at={9.0: [command(f"p{n}/alice/start") for n in range(1, 53)]},
+        then={20.0: lambda plant: some_expired(plant.results()[-156:])},
     ),
 ]
 
@@ -459,7 +459,7 @@ def some_expired(results: list[str]) -> str:
     ends = [
         results.count(f"start {end}") for end in ("confirmed ok", "rejected expired", "unconfirmed not_seen")
     ]
-    return "" if ends[0] >= 25 and ends[1] >= 10 and sum(ends) == 40 else str(ends)
+    return "" if ends[0] >= 25 and ends[1] >= 10 and sum(ends) == 52 else str(ends)
 
 
 @pytest.mark.parametrize("row", LIMITS + CLEARED + TAKING_BACK + DECIDED + STOPS + DISK)

@@ -4,8 +4,7 @@
    them, so that a device of another family is not written to.
 2. `judge` is the one judgement: the family is right, its rules hold, the gateway's own and the operator's
    expectation hold; then the writes are built from what was read.
-3. Two readings in a row must lead to the same writes. A poll of the last `DECIDES_FOR_S` is as good as the
-   first of them, unless the gateway stood still since.
+3. Two readings in a row must lead to the same writes.
 4. What was decided is written within `DECIDES_FOR_S` of its reading, `WAITS_FOR_S` where no motor can move.
 """
 
@@ -18,7 +17,7 @@ from math import inf
 from typing import Any
 
 from gateway.contract import READ, CommandError, CommandRequest, ResultCode
-from gateway.families import Preparation, Procedure, Read, command, diagnosis
+from gateway.families import Preparation, Procedure, command, diagnosis
 from gateway.line import Priority
 from gateway.starters.command.report import CommandReport, CommandStep
 from gateway.starters.command.wire import DECIDES_FOR_S, LAST_READING_S, Rows, Wire, points_of
@@ -39,31 +38,27 @@ def judge(
     request: CommandRequest,
     starter: StarterTelemetry,
     preparation: Preparation,
-    guard: Guard | None,
+    guard: Guard,
     *,
-    rows: Rows,
+    known: Mapping[str, tuple[int, ...]],
     points: Mapping[str, Any],
 ) -> Procedure | None:
-    """Return the writes that follow from these rows, None when some are missing.
+    """Return the writes that follow from the rows that the command reads, None when some are not known.
 
-    CommandError when a rule forbids them. `guard` is what the gateway itself demands.
+    CommandError when a rule forbids them, the family's or the gateway's own (`guard`).
     """
+    codes = {code for read in preparation.reads for code in read.codes}
+    rows = {code: words for code, words in known.items() if code in codes}
     if request.verb != READ:  # which does no harm, in whatever words
         demand_identified(request, starter)
         if why := diagnosis.contradiction(starter.profile, rows):
             raise not_matching(IdentityStatus.MISMATCHED, why)
-    known = {**rows, **points}  # a rule may hang on a raw row
-    command.demand(starter.profile, preparation.requires, known, variant=starter.variant)
-    if guard is not None:
-        guard.check(points)
-    if not rows.keys() >= _codes(preparation):
+    decisive = {**rows, **points}  # a rule may hang on a raw row
+    command.demand(starter.profile, preparation.requires, decisive, variant=starter.variant)
+    guard.check(points)
+    if rows.keys() != codes:
         return None
     return command.build(starter.profile, starter.variant, request.verb, request.args, seen=rows)
-
-
-def rows_for(preparation: Preparation, known: Mapping[str, tuple[int, ...]]) -> Rows:
-    """Return those of the known rows that a preparation reads."""
-    return {code: known[code] for code in _codes(preparation) & known.keys()}
 
 
 def demand_identified(request: CommandRequest, starter: StarterTelemetry) -> None:
@@ -74,10 +69,6 @@ def demand_identified(request: CommandRequest, starter: StarterTelemetry) -> Non
     is_raw = request.verb == READ and (standing.contradiction or status is IdentityStatus.OTHER_SLOT)
     if status is not IdentityStatus.MATCHING and not is_raw:
         raise not_matching(status, standing.reason)
-
-
-def _codes(preparation: Preparation) -> set[str]:
-    return {code for read in preparation.reads for code in read.codes}
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,12 +104,10 @@ class Judge:
     guard: Guard
     lane: Priority = field(init=False)
     wire: Wire = field(init=False)
-    _reads: tuple[Read, ...] = field(init=False)
 
     def __post_init__(self) -> None:
-        self._reads = self.preparation.reads
         if self.report.request.verb != READ:
-            self._reads = diagnosis.with_distinctive_rows(self.starter.profile, self.preparation).reads
+            self.preparation = diagnosis.with_distinctive_rows(self.starter.profile, self.preparation)
         can_wait = self.report.request.verb in CAN_WAIT
         self.lane = Priority.PARAMETERS if can_wait else Priority.COMMAND
         self.wire = self.new_wire(self.report.request.until_s)
@@ -130,44 +119,32 @@ class Judge:
     async def decide(self) -> CommandDecision:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""
         self.report.advance(CommandStep.READING)
-        earlier = self._judge_polls()
+        earlier: Procedure | None = None
         for _ in range(MOST_READINGS):
-            rows = await self._read()
-            self.report.before = points_of(self.wire.values(rows))
-            procedure = self._judge(rows, self.guard)
-            assert procedure is not None  # all rows were read
-            is_enough = not self._reads or not (procedure.steps or procedure.is_unchanged)
+            decision = await self.look()
+            procedure = decision.procedure
+            is_enough = not self.preparation.reads or not (procedure.steps or procedure.is_unchanged)
             if is_enough or procedure == earlier:
                 self.report.advance(CommandStep.DECIDED)
-                can_wait = self.report.request.verb in CAN_WAIT
-                return CommandDecision(procedure, rows, can_wait and not procedure.is_source)
+                return decision
             earlier = procedure
         raise CommandError(ResultCode.READINGS_DISAGREE)
 
-    async def demand_again(self) -> None:
-        """Read once more; CommandError unless the family's rules hold still."""
-        self._judge(await self._read(), None)
-
-    def _judge(self, rows: Rows, guard: Guard | None) -> Procedure | None:
-        request, starter, points = self.report.request, self.starter, points_of(self.wire.values(rows))
-        return judge(request, starter, self.preparation, guard, rows=rows, points=points)
-
-    def _judge_polls(self) -> Procedure | None:
-        """Return what the last polls lead to; None when they are too old, lack a row or forbid it."""
-        since_s = self.wire.now_s() - DECIDES_FOR_S
-        if self.report.is_outdated(since_s):
-            return None  # some of it may have been read before the gateway stood still
-        try:
-            recent = self.starter.snapshot.rows_since(since_s)
-            return self._judge(rows_for(self.preparation, recent), self.guard)
-        except CommandError:
-            return None
+    async def look(self) -> CommandDecision:
+        """Return what one reading leads to; CommandError when a rule forbids it, RefusedError."""
+        rows, request = await self._read(), self.report.request
+        points = points_of(self.wire.values(rows))
+        if not self.report.is_written:
+            self.report.before = points
+        procedure = judge(request, self.starter, self.preparation, self.guard, known=rows, points=points)
+        assert procedure is not None  # all rows were read
+        return CommandDecision(procedure, rows, request.verb in CAN_WAIT and not procedure.is_source)
 
     async def _read(self) -> Rows:
         """Read, and again after each lost reply, as long as the starter is online."""
         while True:
             try:
-                return await self.wire.read(self._reads, lane=self.lane)
+                return await self.wire.read(self.preparation.reads, lane=self.lane)
             except CommandError as error:
                 if error.code != ResultCode.NO_ANSWER or not self.starter.is_answering:
                     raise

@@ -16,7 +16,6 @@ from gateway.starters.command.report import LOOK, MAY_ACT_LATER, MAY_BE_TURNING,
 from gateway.starters.command.run.decision import CAN_WAIT
 from gateway.starters.command.wire import points_of
 
-_STILL = ("read", "output")  # verbs that cannot move a motor whatever became of them
 LEFT_ALONE = (ResultCode.SHUTTING_DOWN, ResultCode.BUSY)  # ends after which nothing more is written: a reload
 _MAY_STAND = (*LEFT_ALONE, ResultCode.NOT_SEEN)  # ends after which a start may act later
 
@@ -92,9 +91,8 @@ def crashed(verb: str, *, may_be_written: bool) -> Final:
     reason = Reason(ResultCode.CRASHED)
     if not may_be_written:
         return Final(Phase.REJECTED, reason.noted(Note("nothing_written")))
-    outlook = LOOK if verb in _STILL else MAY_BE_TURNING
     later = MAY_ACT_LATER if verb in command.TAKEN_BACK else None
-    return Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_written"), outlook, later))
+    return Final(Phase.UNCONFIRMED, reason.noted(Note("may_be_written"), MAY_BE_TURNING, later))
 
 
 def unsafe(end: Final) -> Final:

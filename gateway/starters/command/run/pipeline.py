@@ -38,7 +38,7 @@ from gateway.starters.command.run import ends
 from gateway.starters.command.run.decision import CommandDecision, Judge
 from gateway.starters.command.run.ends import Outlook
 from gateway.starters.command.stop.machine import StopOrder
-from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError
+from gateway.starters.command.wire import HaltedError, OverdueError, RefusedError, refusal_of
 from gateway.starters.identity import IdentityStatus
 
 ENDED_WITHIN_S = 3.0  # after its deadline: taken back, or abandoned
@@ -52,7 +52,6 @@ _MAY_ACT = (  # a motion that is refused so may begin all the same
     ExceptionCode.GATEWAY_PATH_UNAVAILABLE,
     ExceptionCode.GATEWAY_TARGET_DEVICE_FAILED_TO_RESPOND,
 )
-_READABLE = (IdentityStatus.MATCHING, IdentityStatus.OTHER_SLOT)  # whose words mean what they say
 
 RunOffBy = Callable[[CommandReport, Expect], StopOrder]  # has a starter stopped until this is seen
 
@@ -92,10 +91,10 @@ class CommandRun:
         """Return how the command ended, whatever came in its way; HaltedError while it is undone."""
         try:
             return await self._carried_out()
-        except CommandError as error:
-            return self._outlook.cut(error.reason)
         except RefusedError as error:
             return Final(Phase.FAILED, error.reason)
+        except CommandError as error:
+            return self._outlook.cut(error.reason)
         except OverdueError:
             end = self._outlook.overdue()
         except HaltedError as error:
@@ -110,8 +109,7 @@ class CommandRun:
             self._held_slot.callback(self.slot.release)
         decision = await self.judge.decide()
         if decision.procedure.steps:
-            # The watchdog of its line first, then the disk; rules and lock are judged for the last time.
-            await self.wire.wait_for(self.judge.guard.reserve(decision.procedure))
+            # The disk first; then the line's watchdogs, the rules and the lock are judged for the last time.
             await self.wire.wait_for(self.report.intend())
             await self.wire.wait_for(self.judge.guard.admit(decision.procedure))
         while decision.procedure.steps:
@@ -146,7 +144,7 @@ class CommandRun:
         """Write one step and see what it must bring about; return the end when the next must not follow."""
         outcome = await self._write(decision, step)
         is_excused = step.may_be_refused and isinstance(outcome, Refused) and outcome.code in _NOT_SET_UP
-        end = None if is_excused else self._taken(outcome)
+        end = None if is_excused else self._taken(decision.procedure, outcome)
         if step.is_run_off:
             return await self._run_off_taken(step, outcome, end)
         if end is not None:
@@ -173,8 +171,8 @@ class CommandRun:
             if step.then is None or await self.wire.see(step.then) is not None:
                 return None
             if isinstance(outcome, Answered) and await self.wire.is_refused(step.then.reads, _NOT_SET_UP):
-                # A starter that does not let the bit be read: acknowledgement and standstill suffice.
-                await self.judge.demand_again()
+                # The bit cannot be read: an acknowledged run = 0 and another look at a motor at rest suffice.
+                await self.judge.look()
                 return None
             point, within_s = step.then.name, step.then.within_s
             reason = Reason(ResultCode.RUN_NOT_CLEARED, "unseen", point=point, within_s=within_s)
@@ -225,17 +223,16 @@ class CommandRun:
 
     def _is_outdated(self) -> bool:
         """Return whether the gateway stood still since what was read, or since run = 0."""
-        return self.report.is_outdated(min(self.wire.seen_s, self._cleared_s))
+        return min(self.wire.seen_s, self._cleared_s) < self.report.reporting.stood_still_s()
 
-    def _taken(self, outcome: Outcome) -> Final | None:
+    def _taken(self, procedure: Procedure, outcome: Outcome) -> Final | None:
         """Record the outcome of a write; return the end when it did not go out or was refused."""
         match outcome:
             case Answered() | Refused(code=ExceptionCode.ACKNOWLEDGE):
                 self.report.write()
             case Refused():
-                refusal = RefusedError(self.starter.profile, outcome.code).reason
-                procedure = self._outlook.procedure
-                if outcome.code not in _MAY_ACT or procedure is None or not procedure.is_motion:
+                refusal = refusal_of(self.starter.profile, outcome.code)
+                if outcome.code not in _MAY_ACT or not procedure.is_motion:
                     return Final(Phase.FAILED, refusal)
                 self._outlook.refusal = refusal
                 self.report.write()
@@ -297,7 +294,7 @@ class CommandRun:
     def _value(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
         """Return a row's value; only its raw words when another device than configured may have answered."""
         starter, standing = self.starter, self.starter.standing
-        if standing.contradiction or standing.status not in _READABLE:
+        if standing.contradiction or not standing.is_readable:
             why = standing.contradiction or standing.reason
             return {"value": None, "unit": "", "raw": list(words), "reason": why}
         row = parameters.find(starter.profile, code)

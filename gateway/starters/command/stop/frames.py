@@ -19,7 +19,7 @@ from gateway.families import Procedure, WriteStep, command
 from gateway.line import Answered, Garbled, Outcome, Priority, Refused, Silent
 from gateway.modbus import ExceptionCode, Function, MaskWriteRegister
 from gateway.starters.command.addressee import StopAddressee
-from gateway.starters.command.wire import DECIDES_FOR_S, RefusedError, Wire
+from gateway.starters.command.wire import DECIDES_FOR_S, Wire, refusal_of
 from gateway.system.rate_limits import Bucket, Rate
 
 logger = logging.getLogger(__name__)
@@ -51,7 +51,7 @@ class Frames:
         self.refusal: Reason | None = None  # the latest
         self.is_answered = False  # the starter answered anything at all
         self.babble: Note | None = None  # of a line that was not quiet when a frame was sent
-        self._handed = 0  # frames handed to the line
+        self.handed = 0  # frames handed to the line
         self._due_s = 0.0  # when the next frame is due
         self._timer: asyncio.TimerHandle | None = None
         self._under_way: set[asyncio.Task[None]] = set()  # frames that wait for the line or their answer
@@ -61,9 +61,9 @@ class Frames:
         """Have a frame sent for one more message; return its number."""
         if self._own.take(self.wire.now_s()):
             self._send(Priority.STOP)
-            return self._handed
+            return self.handed
         self._plan(min(self._due_s, self.wire.now_s() + SHARED_WITHIN_S))
-        return self._handed + 1
+        return self.handed + 1
 
     def procedure(self) -> Procedure:
         """Return what stops the starter."""
@@ -86,11 +86,11 @@ class Frames:
         if self._timer is not None:
             self._timer.cancel()
         if self._under_way:
-            self.on_left(self._handed, is_acknowledged=False)
+            self.on_left(self.handed, is_acknowledged=False)
 
     def _send(self, lane: Priority) -> None:
         """Hand one frame to the line."""
-        self._handed += 1
+        self.handed += 1
         self._plan(self.wire.now_s() + REPEAT_S)
         if self.starter.profile.family not in self.families:
             self.families.append(self.starter.profile.family)
@@ -100,7 +100,7 @@ class Frames:
         except Exception:  # whatever it is, the read-back meets it again and ends the commands
             logger.exception("starter=%s stop not sent", self.starter.name)
             return
-        frame = asyncio.get_running_loop().create_task(self._follow(self._handed, steps, asked))
+        frame = asyncio.get_running_loop().create_task(self._follow(self.handed, steps, asked))
         self._under_way.add(frame)
         frame.add_done_callback(self._under_way.discard)
 
@@ -122,7 +122,7 @@ class Frames:
         counting = [each for step, each in pairs if not (step.may_be_refused and isinstance(each, Refused))]
         for each in counting:
             if isinstance(each, Refused):
-                self.refusal = RefusedError(self.starter.profile, each.code).reason
+                self.refusal = refusal_of(self.starter.profile, each.code)
         if not self._is_mask_refused and any(_is_mask_refused(*pair) for pair in pairs):
             self._is_mask_refused = True
             if self.procedure().steps != steps:  # the word read last goes out at once, where there is one

@@ -46,13 +46,13 @@ class StopOrder:
 
     frame: int  # the number of its own frame
     until_s: float  # when its time is up
+    is_shared: bool  # that frame is other messages' as well
     report: CommandReport | None = None  # None: it gets no answer of its own
     released: Expect | None = None  # of a start that is taken back: what must be read besides
     over: asyncio.Event = field(default_factory=asyncio.Event)
     counts_from: float = inf  # the first reading that counts; inf: its frame has not left yet
     is_taken: bool = False  # the starter acknowledged its frame, or a later one
-    good: list[int] = field(default_factory=list)  # the latest two readings in a row that show it
-    good_s: float = -inf  # when the last of them was there
+    good: list[tuple[int, float]] = field(default_factory=list)  # the latest two that show it, and when
 
     @property
     def is_written(self) -> bool:
@@ -77,14 +77,13 @@ class StopOrder:
     def note_reading(self, number: int, expect: Expect, values: dict[str, Any], now_s: float) -> bool:
         """Record a reading; return whether it shows what this order is for."""
         is_shown = expect.is_met(values) and (self.released is None or self.released.is_met(values))
-        self.good = [*self.good, number][-EQUAL_READINGS:] if is_shown else []
-        self.good_s = now_s if is_shown else self.good_s
+        self.good = [*self.good, (number, now_s)][-EQUAL_READINGS:] if is_shown else []
         return is_shown
 
     def is_seen(self, now_s: float) -> bool:
         """Return whether two readings in a row show it, and count for it."""
-        counting = [each for each in self.good if each >= self.counts_from]
-        return len(counting) == EQUAL_READINGS and now_s - self.good_s <= SEEN_WITHIN_S
+        counting = [at_s for number, at_s in self.good if number >= self.counts_from]
+        return len(counting) == EQUAL_READINGS and now_s - counting[-1] <= SEEN_WITHIN_S
 
 
 class Stopping:
@@ -107,18 +106,14 @@ class Stopping:
         """
         self.frames.with_jog |= with_jog or released is not None
         self._orders = [order for order in self._orders if order.report]
-        self._orders.append(StopOrder(self.frames.ask(), self.wire.now_s() + DEADLINE_S, released=released))
+        frame, until_s = self.frames.ask(), self.wire.now_s() + DEADLINE_S
+        self._orders.append(StopOrder(frame, until_s, frame > self.frames.handed, released=released))
         return self._orders[-1]
 
     def join(self, report: CommandReport) -> None:
         """Report the end of the stop command, already accepted, for which `ask` was just called."""
         self._orders[-1].report = report
         report.before = self._starter.snapshot.good_values()
-
-    @property
-    def count(self) -> int:
-        """Return how many stop commands have joined."""
-        return sum(order.report is not None and not order.is_own for order in self._orders)
 
     @property
     def is_own(self) -> bool:
