@@ -21,6 +21,7 @@ def timing_of(line: LineTable) -> LineTiming:
 
 def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, ...]:
     """Return the starters of a line, the disabled ones too, with the names of their family in a language."""
+    timing = timing_of(line)
     return tuple(
         StarterSetup(
             name=starter.name,
@@ -28,12 +29,12 @@ def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, .
             line=line.name,
             address=starter.address,
             profile=starter.profile(language),
-            variant=Variant.model_validate({"model": starter.model, "slot": starter.slot}),
+            variant=Variant(model=starter.model, slot=starter.slot),
             every_s=starter.every_s,
             response_time_s=starter.response_time_s,
             is_enabled=starter.enabled,
             watchdog_s=starter.watchdog_s,
-            timing=timing_of(line),
+            timing=timing,
             allowance_s=line.adapter_allowance_s,
         )
         for starter in line.starters

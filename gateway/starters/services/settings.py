@@ -11,7 +11,6 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections import deque
 from collections.abc import Mapping
 from functools import partial
 from math import inf
@@ -57,7 +56,7 @@ class SettingsWatch(StarterService):
         recalled = starter.watchdogs.rows(starter.setup.name)
         self._known = {code: words for code, words in recalled.items() if code in self._watched}
         self._refused_s: dict[str, float] = {}  # by row: when it was refused
-        self._lap: deque[Read] = deque()  # its reads that are still to be made
+        self._lap: tuple[Read, ...] = ()  # its reads that are still to be made
         self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
         self._patrol = SupervisedTask(f"keypad {starter.setup.name}")
@@ -108,14 +107,15 @@ class SettingsWatch(StarterService):
             since_s = now_s() - REFUSED_FOR_S
             codes = [c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s]
             is_rest = bool(self._lap)  # of a lap before a silence: a whole one follows as fast
-            self._lap = self._lap or deque(short_reads(self._starter.profile, codes))
+            self._lap = self._lap or short_reads(self._starter.profile, codes)
             if not self._lap:  # each row was refused
                 await asyncio.sleep(REFUSED_FOR_S)
             while self._lap:
                 await asyncio.sleep(every_s)
                 if not self._starter.is_identified:
                     return  # its next identification goes on from here
-                found = await self._starter.read_rows(self._lap.popleft().codes)
+                read, self._lap = self._lap[0], self._lap[1:]
+                found = await self._starter.read_rows(read.codes)
                 if found is None:
                     continue
                 self._refused_s |= dict.fromkeys(found.refused, now_s())
