@@ -81,6 +81,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
         policy=policy,
         traced=config.traced,
+        has_page=config.web is not None,
     )
     uplink.disk_sync.on_recalled = history.note_left
 
