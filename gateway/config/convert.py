@@ -21,7 +21,6 @@ def timing_of(line: LineTable) -> LineTiming:
 
 def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, ...]:
     """Return the starters of a line, the disabled ones too, with the names of their family in a language."""
-    timing = timing_of(line)
     return tuple(
         StarterSetup(
             name=starter.name,
@@ -34,7 +33,7 @@ def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, .
             response_time_s=starter.response_time_s,
             is_enabled=starter.enabled,
             watchdog_s=starter.watchdog_s,
-            timing=timing,
+            timing=timing_of(line),
             allowance_s=line.adapter_allowance_s,
         )
         for starter in line.starters

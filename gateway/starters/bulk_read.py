@@ -29,13 +29,9 @@ class BulkReading:
     refused: dict[str, str] = field(default_factory=dict)
 
 
-def short_reads(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
+@lru_cache(maxsize=512)  # the starters of a family are asked for the same rows, and share their requests
+def short_reads(profile: Profile, codes: tuple[str, ...]) -> tuple[Read, ...]:
     """Return the requests for rows that are read while everything else goes first."""
-    return _short_reads(profile, tuple(codes))
-
-
-@lru_cache(maxsize=512)  # the starters of a family are asked for the same rows, and share them
-def _short_reads(profile: Profile, codes: tuple[str, ...]) -> tuple[Read, ...]:
     return reading.bulk_reads(profile, codes, longest=min(LONGEST_BLOCK, profile.limits.read_registers // 2))
 
 

@@ -105,7 +105,7 @@ class SettingsWatch(StarterService):
         vital = diagnosis.watchdog_codes(self._starter.profile)
         while self._watched:
             since_s = now_s() - REFUSED_FOR_S
-            codes = [c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s]
+            codes = tuple(c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s)
             is_rest = bool(self._lap)  # of a lap before a silence: a whole one follows as fast
             self._lap = self._lap or short_reads(self._starter.profile, codes)
             if not self._lap:  # each row was refused
