@@ -36,7 +36,7 @@ class BackgroundHandler(logging.Handler):
             self._waiting.put_nowait(text)
         except queue.Full:
             self.dropped += 1
-        except Exception:  # noqa: BLE001 - a wrong format is told, as by any handler of `logging`
+        except Exception:  # noqa: BLE001 - a text that cannot be made, as in any handler
             self.handleError(record)
 
     def close(self) -> None:

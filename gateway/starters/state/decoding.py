@@ -114,7 +114,7 @@ class _Replies(NamedTuple):
     variant: Variant
     plan: ReplyPlan
     words: Sequence[Any] = ()
-    said: Said = Said({}, {})
+    said: Said = Said({}, {})  # but its rows, which the snapshot has
 
 
 class ReplyReader:
@@ -135,12 +135,12 @@ class ReplyReader:
         replies, sources = self._replies.get(key), self._sources
         if replies is None or replies.block is not block or replies.variant is not variant:
             replies = _Replies(block, variant, sources.plan(block))
-        elif words == replies.words and replies.plan.is_complete:
-            return replies.said
         rows = {code: tuple(map(int, words[begin:end])) for begin, end, code in replies.plan.rows}
+        if words == replies.words and replies.plan.is_complete:
+            return replies.said._replace(rows=rows)
         known = NO_ROWS if replies.plan.is_complete else self._known(at_s)
         said = sources.decode(variant, rows, fed=replies.plan.fed, known=known)
-        self._replies[key] = replies._replace(words=words, said=said)
+        self._replies[key] = replies._replace(words=words, said=said._replace(rows=NO_ROWS))
         return said
 
 
