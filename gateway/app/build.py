@@ -52,7 +52,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     bus = RecordBus(log_failure)
     records = RecordWriter(bus, clock, boot=tokens.run)
     publish_event: PublishEvent = partial(records.event, "")  # of the gateway's own
-    latest = Latest()
 
     # What is stored, and the way to the broker, which needs the store.
     state = StateStore(
@@ -61,6 +60,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
     )
     uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=bus, publish_event=publish_event)
+    latest = Latest(uplink.outbox.records)
     state.on_news = uplink.disk_sync.note_news
     state.commands.row_of = uplink.stage
     policy = Policy(
@@ -81,6 +81,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
         policy=policy,
         traced=config.traced,
+        has_page=config.web is not None,
     )
     uplink.disk_sync.on_recalled = history.note_left
 

@@ -144,7 +144,7 @@ class StarterTelemetry:
 
     async def read_rows(self, codes: Iterable[str], lane: Priority = Priority.PATROL) -> BulkReading | None:
         """Read rows, in general after everything else; return None when that fails: polls say why."""
-        asked, reads = partial(self.ask, lane=lane), short_reads(self.profile, codes)
+        asked, reads = partial(self.ask, lane=lane), short_reads(self.profile, tuple(codes))
         try:
             found = await read_in_bulk(asked, self.profile, reads, tries=1)
         except (CommandError, PortLostError) as error:

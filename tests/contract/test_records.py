@@ -134,3 +134,15 @@ def test_the_newest_records_are_numbered_and_what_is_forgotten_leaves_its_topic(
     latest.put(ForgetRecord(starters=("pump",)))
     assert {record for _, record in latest.newer_than(seen)} == {None}
     assert list(latest.records()) == []
+
+
+def test_while_no_consumer_is_there_no_record_is_held_and_the_first_one_gets_all_of_them() -> None:
+    latest = Latest(lambda: [VALUE, INFO])
+
+    latest.put(STATE)  # which the other holds, too
+    held_before = list(latest.records())
+    latest.begin()
+    latest.put(replace(VALUE, value=13.0))
+
+    assert held_before == []
+    assert list(latest.records()) == [INFO, replace(VALUE, value=13.0)]

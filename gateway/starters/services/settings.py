@@ -21,7 +21,6 @@ from gateway.contract import EventCode, Severity, phrase
 from gateway.families import (
     Parameter,
     Profile,
-    Read,
     Weight,
     diagnosis,
     once_per_profile,
@@ -103,7 +102,8 @@ class SettingsWatch(StarterService):
     async def _walk(self) -> None:
         """Read the settings block by block; the first round goes faster."""
         starter, now_s = self._starter, asyncio.get_running_loop().time
-        blocks, vital = watched_blocks(starter.profile), diagnosis.watchdog_codes(starter.profile)
+        blocks = short_reads(starter.profile, tuple(self._watched))
+        vital = diagnosis.watchdog_codes(starter.profile)
         for count in itertools.count():
             await asyncio.sleep(FIRST_ROUND_EVERY_S if count < len(blocks) else EVERY_S)
             if not starter.is_identified:
@@ -176,12 +176,6 @@ class SettingsWatch(StarterService):
 def watched_codes(profile: Profile) -> Mapping[str, Parameter]:
     """Return the settings of a family that change only when somebody sets them, by code."""
     return {c: row for c, row in profile.parameters.items() if reading.is_set_by_people(profile, row)}
-
-
-@once_per_profile
-def watched_blocks(profile: Profile) -> tuple[Read, ...]:
-    """Return the requests that read all of these settings."""
-    return short_reads(profile, watched_codes(profile))
 
 
 def _watchdog_trouble(profile: Profile, refused: Mapping[str, str]) -> str:

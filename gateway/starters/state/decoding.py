@@ -17,6 +17,7 @@ _MOST_CACHED = 256
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
 Decoders = Mapping[str, tuple[str, decode.Decoder]]  # by point, with the code of its row
+NO_ROWS: Rows = {}
 
 
 class Said(NamedTuple):
@@ -116,7 +117,7 @@ class _Replies(NamedTuple):
     variant: Variant
     plan: ReplyPlan
     words: Sequence[Any] = ()
-    said: Said = Said({}, {})
+    said: Said = Said({}, {})  # but its rows, which the snapshot has
 
 
 class ReplyReader:
@@ -135,12 +136,12 @@ class ReplyReader:
         replies, sources = self._replies.get(key), self._sources
         if replies is None or replies.block is not block or replies.variant is not variant:
             replies = _Replies(block, variant, sources.plan(block))
-        elif words == replies.words and replies.plan.is_complete:
-            return replies.said
         rows = {code: tuple(map(int, words[begin:end])) for begin, end, code in replies.plan.rows}
+        if words == replies.words and replies.plan.is_complete:
+            return replies.said._replace(rows=rows)
         known = NO_POINTS if replies.plan.is_complete else self._known()
         said = sources.decode(variant, rows, fed=replies.plan.fed, known=known)
-        self._replies[key] = replies._replace(words=words, said=said)
+        self._replies[key] = replies._replace(words=words, said=said._replace(rows=NO_ROWS))
         return said
 
 
