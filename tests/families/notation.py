@@ -22,6 +22,12 @@ from gateway.families.profile.schema import Variant
 from gateway.modbus.pdu import Request
 
 
+def table(text: str) -> list[list[str]]:
+    """Return the rows of a table, a line each: cells parted by bars, and perhaps a remark behind `#`."""
+    lines = (line.partition("#")[0] for line in text.strip().splitlines())
+    return [[cell.strip() for cell in line.split("|")] for line in lines]
+
+
 def command(text: str) -> tuple[str, dict[str, Any]]:
     """Return verb and arguments."""
     verb, *words = text.split()

@@ -14,6 +14,7 @@ from gateway.contract import CommandError
 from gateway.families.devices import device_of
 from gateway.families.profile.load import read_profile
 from gateway.families.profile.schema import Variant
+from tests.rig.sites import line, starter, table
 
 ACME = Path(__file__).parent / "acme"
 GATEWAY = Path(__file__).parents[2] / "gateway"
@@ -28,22 +29,8 @@ def test_without_a_procedure_of_its_own_it_is_not_configured() -> None:
         device_of(PROFILE).build_configure(PROFILE, SOFTY, {}, seen={})
 
 
-SITE = """
-[gateway]
-name = "mcc1"
-[mqtt]
-url = "mqtt://127.0.0.1:1883"
-[[line]]
-name = "pumps"
-port = "/dev/ttyUSB0"
-baud = 19200
-framing = "8E1"
-[[line.starter]]
-name = "mixer"
-address = 9
-family = "acme"
-"""
-
+HEAD = table("gateway", name="mcc1") + table("mqtt", url="mqtt://127.0.0.1")
+SITE = HEAD + line(framing="8E1") + starter("mixer", 9, "acme")
 SHIPPED = """
 from gateway.families.command.procedures import build, prepare
 from gateway.families.command.interlock import check

@@ -24,7 +24,7 @@ from gateway.families.reading import (
     readable_codes,
 )
 from gateway.modbus.timing import Framing, LineTiming
-from tests.families.notation import rows, shown
+from tests.families.notation import rows, shown, table
 
 UNKNOWN = rows("slot=0")[0]
 POLLED = {
@@ -147,44 +147,29 @@ def extra(family: str, asked: str, every_s: float = 1.0, *, baud: int = 19200) -
     )
 
 
-@pytest.mark.parametrize(
-    ("family", "asked", "every_s", "expected"),
-    [
-        # a row that a read passes anyway
-        ("ssw900", "S1.6.1", 1.0, "values:S1.1.5=h2*24/11"),
-        # one beside it is read with the slow ones
-        ("ssw900", "S1.1.6", 1.0, "slow:S1.1.6=h1*1/1"),
-        # those make their reads longer where that costs less than another
-        ("ssw900", "S1.1.1 S1.1.2 S1.1.3", 1.0, "slow:S1.1.1=h26*6/3"),
-        ("ssw900", "D6.1 D6.2", 1.0, "slow:D6.1=h42*19/5"),
-        # a read that is made less often than the row is wanted takes none
-        ("ssw900", "S1.6.1@2", 1.0, "extra:S1.6.1=h16*1/1"),
-        ("ssw900", "S1.6.1@10", 4.0, "extra:S1.6.1=h16*1/1"),
-        # the status stays as it is, whatever is beside it
-        ("ssw06", "VB00", 0.1, "slow:VB00=h5000*1/1"),
-        ("ssw900", "S5.2.1@1", 1.0, "status:S5.1.1=h680*7/4"),
-        # rows of other periods are read with their like
-        (
-            "ssw06",
-            "P308 P312 P313 P314@2",
-            1.0,
-            "slow:P308=h308*1/1 slow:P312=h312*2/2 extra:P314=h314*1/1",
-        ),
-        ("ssw06", "P314@0.5 P313@30", 1.0, "extra:P314=h314*1/1 extra:P313=h313*1/1"),
-        # what only an accessory has is alone, where a 0 would say nothing
-        ("ssw900", "S4.3.1 S4.3.2", 1.0, "slow:S4.3.1=h63*1/1 slow:S4.3.2=h64*1/1"),
-        # where a refusal says it
-        ("ssw07", "P093 P094", 1.0, "slow:P093=h93*2/2"),
-        # coils and registers
-        ("sst", "COIL22 R31 R33@5", 1.0, "status:COIL1=c0*26/23 slow:R31=i31*12/3 extra:R33=i33*1/1"),
-        # a point of the family is none besides
-        ("ssw07", "P003 VB01.0 P030", 1.0, ""),
-    ],
-)
+ASKED = """
+ssw900 | S1.6.1 | 1 | values:S1.1.5=h2*24/11  # a row that a read passes anyway
+ssw900 | S1.1.6 | 1 | slow:S1.1.6=h1*1/1  # one beside it is read with the slow ones
+ssw900 | S1.1.1 S1.1.2 S1.1.3 | 1 | slow:S1.1.1=h26*6/3  # which becomes longer where another costs more
+ssw900 | D6.1 D6.2 | 1 | slow:D6.1=h42*19/5
+ssw900 | S1.6.1@2 | 1 | extra:S1.6.1=h16*1/1  # a read that is made less often than the row is wanted
+ssw900 | S1.6.1@10 | 4 | extra:S1.6.1=h16*1/1
+ssw06 | VB00 | 0.1 | slow:VB00=h5000*1/1  # the status stays as it is, whatever is beside it
+ssw900 | S5.2.1@1 | 1 | status:S5.1.1=h680*7/4
+ssw06 | P308 P312 P313 P314@2 | 1 | slow:P308=h308*1/1 slow:P312=h312*2/2 extra:P314=h314*1/1  # of one period
+ssw06 | P314@0.5 P313@30 | 1 | extra:P314=h314*1/1 extra:P313=h313*1/1
+ssw900 | S4.3.1 S4.3.2 | 1 | slow:S4.3.1=h63*1/1 slow:S4.3.2=h64*1/1  # an accessory's: a 0 would say nothing
+ssw07 | P093 P094 | 1 | slow:P093=h93*2/2  # where a refusal says it
+sst | COIL22 R31 R33@5 | 1 | status:COIL1=c0*26/23 slow:R31=i31*12/3 extra:R33=i33*1/1  # coils and registers
+ssw07 | P003 VB01.0 P030 | 1 |  # a point of the family is none besides
+"""  # family, rows (with their periods), the starter's period, the reads that are other ones
+
+
+@pytest.mark.parametrize(("family", "asked", "every_s", "expected"), table(ASKED))
 def test_rows_that_are_asked_for_are_joined_into_the_reads_that_are_there(
-    family: str, asked: str, every_s: float, expected: str
+    family: str, asked: str, every_s: str, expected: str
 ) -> None:
-    assert extra(family, asked, every_s) == expected
+    assert extra(family, asked, float(every_s)) == expected
 
 
 @given(st.data())

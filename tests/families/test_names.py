@@ -9,6 +9,7 @@ from gateway.families.profile.load import FAMILIES, LANGUAGES, load_profile
 from gateway.families.profile.names import meaning_of, printed_name
 from gateway.families.profile.parameters import to_words
 from gateway.families.profile.rows import Confidence
+from tests.families.notation import table
 
 
 @pytest.mark.parametrize("family", FAMILIES)
@@ -31,9 +32,8 @@ sst    | line_voltage  | Mains voltage        | mean voltage of the supply, phas
 """
 
 
-@pytest.mark.parametrize("row", NAMES.strip().splitlines())
-def test_a_point_is_named_as_the_manual_prints_it(row: str) -> None:
-    family, point, name, meaning = (cell.strip() for cell in row.split("|"))
+@pytest.mark.parametrize(("family", "point", "name", "meaning"), table(NAMES))
+def test_a_point_is_named_as_the_manual_prints_it(family: str, point: str, name: str, meaning: str) -> None:
     profile = load_profile(family)
 
     assert (printed_name(profile, point), meaning_of(profile, point)) == (name, meaning)

@@ -12,6 +12,7 @@ from gateway.families.diagnosis.identification import slot_trouble
 from gateway.families.diagnosis.readiness_check import readiness, refuses_start, watchdogs
 from gateway.families.profile.load import FAMILIES, load_profile
 from gateway.families.profile.schema import Variant
+from tests.families.notation import table
 
 WEG = "P220=6 P229=0 P230=2 P277=0 P278=0 P314=0"
 GOOD = {
@@ -72,10 +73,10 @@ sst | R41=5 R42=6 | note | R42
 """  # family, settings, the worst that is found, a part of its text (E-23: R42 acts before R41)
 
 
-@pytest.mark.parametrize("row", LOOKS.strip().splitlines())
-def test_settings_are_found_by_their_weight_and_an_error_refuses_a_start(row: str) -> None:
-    family, changes, weight, text = row.split(" | ")
-
+@pytest.mark.parametrize(("family", "changes", "weight", "text"), table(LOOKS))
+def test_settings_are_found_by_their_weight_and_an_error_refuses_a_start(
+    family: str, changes: str, weight: str, text: str
+) -> None:
     findings = look(family, changes)
 
     assert findings[0].weight == weight
@@ -115,10 +116,10 @@ sst | R41=9 R42=4 | R42 4, R41 9
 """  # family, settings, what acts by time; `off`: the motor does not feel it
 
 
-@pytest.mark.parametrize("row", WATCHDOGS.strip().splitlines())
-def test_a_watchdog_is_reported_with_its_time_and_whether_the_motor_feels_it(row: str) -> None:
-    family, changes, expected = row.split(" | ")
-
+@pytest.mark.parametrize(("family", "changes", "expected"), table(WATCHDOGS))
+def test_a_watchdog_is_reported_with_its_time_and_whether_the_motor_feels_it(
+    family: str, changes: str, expected: str
+) -> None:
     found = watchdogs(load_profile(family), *known(family, changes, 1))
 
     acts = [f"{each.code} {each.after_s:g}{'' if each.is_felt else ' off'}" for each in found]
@@ -144,24 +145,26 @@ def test_a_configured_slot_that_the_accessory_does_not_sit_in_is_an_error() -> N
     assert refuses_start(found)
 
 
-@pytest.mark.parametrize(
-    ("family", "changes", "watchdog_s", "text"),
-    [
-        ("ssw07", "P314=30", 10.0, "= 10 is configured, but the starter's own is set to 30 s: P314"),
-        ("ssw07", "P314=0", 10.0, "watchdog_s = 10 is configured, but the starter's own is off: P314"),
-        ("ssw06", "P314=30", 0.0, "watchdog_s = 0 is configured, but the starter's own is set to 30 s"),
-        ("sst", "R41=8 R42=20", 20.0, "but the starter's own is set to 8 s"),
-        ("ssw900", "C8.2.5.1=1 C8.2.5.3=34", 3.0, "is set to 3.4 s: C8.2.5.1"),
-        ("ssw07", "P314=30", 30.0, ""),
-        ("ssw07", "P314=0", 0.0, ""),
-        ("ssw07", "P314=30", None, ""),
-        ("ssw07", "P314=?", 30.0, ""),
-    ],
-)
+CONFIGURED = """
+ssw07 | P314=30 | 10 | watchdog_s = 10 is configured, but the starter's own is set to 30 s: P314
+ssw07 | P314=0 | 10 | watchdog_s = 10 is configured, but the starter's own is off: P314
+ssw06 | P314=30 | 0 | watchdog_s = 0 is configured, but the starter's own is set to 30 s
+sst | R41=8 R42=20 | 20 | but the starter's own is set to 8 s
+ssw900 | C8.2.5.1=1 C8.2.5.3=34 | 3 | is set to 3.4 s: C8.2.5.1
+ssw07 | P314=30 | 30 |
+ssw07 | P314=0 | 0 |
+ssw07 | P314=30 | |
+ssw07 | P314=? | 30 |
+"""
+
+
+@pytest.mark.parametrize(("family", "changes", "watchdog_s", "text"), table(CONFIGURED))
 def test_a_configured_watchdog_that_the_starter_does_not_have_is_said(
-    family: str, changes: str, watchdog_s: float | None, text: str
+    family: str, changes: str, watchdog_s: str, text: str
 ) -> None:
-    said = [each for each in problems(look(family, changes, watchdog_s=watchdog_s)) if "watchdog_s" in each]
+    findings = look(family, changes, watchdog_s=float(watchdog_s) if watchdog_s else None)
+
+    said = [each for each in problems(findings) if "watchdog_s" in each]
 
     assert len(said) == bool(text)
     assert all(text in each for each in said)

@@ -11,6 +11,7 @@ from gateway.families.devices import device_of
 from gateway.families.profile.load import load_profile
 from gateway.families.profile.schema import Variant
 from gateway.families.profile.state import hindrance, state_of
+from tests.families.notation import table
 
 WEG = "running=0 jog=0 accelerating=0 decelerating=0 braking=0 reversing=0 fault=0 general_enabled=1"
 WEG += " power_present=1 remote=1 current_limit=0 full_voltage=0"
@@ -29,11 +30,6 @@ def points(text: str) -> dict[str, Any]:
     """Return points as they are read: `running=1 fault_code=28 jog=?`, a later one over an earlier one."""
     words = dict(each.split("=") for each in text.split())
     return {name: SPELT[word] if word in SPELT else int(word) for name, word in words.items()}
-
-
-def table(text: str) -> Any:
-    """Return the rows of a table, whose cells are parted by bars."""
-    return [[cell.strip() for cell in line.split("|")] for line in text.strip().splitlines()]
 
 
 STATES = """

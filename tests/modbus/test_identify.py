@@ -12,11 +12,6 @@ from tests.modbus.samples import fc
 BASIC: Any = fc(43)
 
 
-def test_a_request_is_four_bytes_whose_reply_contains_its_own_length() -> None:
-    assert fc(43, 4, 2).encode() == bytes.fromhex("2B 0E 04 02")
-    assert BASIC.reply_size() is None
-
-
 @pytest.mark.parametrize(
     ("tail", "objects"),
     [

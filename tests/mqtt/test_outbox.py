@@ -256,15 +256,3 @@ def test_what_waits_is_counted_until_the_broker_has_it_with_the_age_of_the_oldes
     assert box.statistics(10.0) == {
         "depth": 0, "oldest_s": 0.0, "bytes": 0, "dropped": 0, "refused": 0, "reconnects": 0,
     }  # fmt: skip
-
-
-def test_what_the_broker_has_before_it_was_written_costs_the_disk_nothing() -> None:
-    box = outbox()
-    connect(box)
-    for message in (event("1"), result("1"), value(1)):
-        box.put(message, 0.0)
-    for outgoing in take_all(box):
-        box.acked(outgoing.ticket, 0)
-
-    assert box.is_idle
-    assert box.backlog.batch() is None

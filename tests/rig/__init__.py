@@ -10,6 +10,7 @@ from tests.rig.plant import Ran, RigPlant, run_cli
 from tests.rig.rows import (
     ScenarioRow,
     act,
+    apart,
     clean_line,
     command,
     event,
@@ -18,13 +19,16 @@ from tests.rig.rows import (
     msg,
     never,
     play,
+    played,
     publish,
     reload,
     result,
     results,
     retained,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.web import WebAnswer, WebBrowser
 
@@ -40,6 +44,7 @@ __all__ = [
     "WebAnswer",
     "WebBrowser",
     "act",
+    "apart",
     "clean_line",
     "command",
     "event",
@@ -48,6 +53,7 @@ __all__ = [
     "msg",
     "never",
     "play",
+    "played",
     "publish",
     "reload",
     "result",
@@ -55,5 +61,7 @@ __all__ = [
     "retained",
     "row",
     "run_cli",
+    "scene",
     "seen",
+    "that",
 ]

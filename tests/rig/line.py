@@ -16,7 +16,7 @@ from typing import Any
 
 import gateway.families
 from gateway.sim import controls
-from gateway.sim.bus.faults import CutShort, Doubled, Impairment, Late, Noisy, NoReply, Reply, WrongUnit
+from gateway.sim.bus.faults import CutShort, Doubled, Impairment, Noisy, NoReply, Reply, WrongUnit
 from gateway.sim.bus.port import SimulatedLine
 from gateway.sim.core.unit import SimulatedUnit
 from gateway.sim.factory import make_unit
@@ -185,12 +185,6 @@ class RigLine:
         """Its replies come later, perhaps after the gateway has given them up."""
         self.impair(name, Delayed(by_s), for_s, count)
 
-    def late(
-        self, name: str, times: float = 2.0, for_s: float | None = None, count: int | None = None
-    ) -> None:
-        """Its replies take so many times as long as its manual allows."""
-        self.impair(name, Late(times), for_s, count)
-
     def double(self, name: str, for_s: float | None = None, count: int | None = None) -> None:
         """It sends each reply twice."""
         self.impair(name, Doubled(), for_s, count)
@@ -218,10 +212,7 @@ class RigLine:
     def noise(self, bit_error_rate: float, for_s: float | None = None) -> None:
         """Flip bits of everything, both ways."""
         self.bus.noise = Noisy(bit_error_rate)
-        self._end_later(for_s, self.quiet)
-
-    def quiet(self) -> None:
-        self.bus.noise = None
+        self._end_later(for_s, lambda: setattr(self.bus, "noise", None))
 
     def unplug(self, for_s: float | None = None) -> None:
         """Pull the adapter out."""

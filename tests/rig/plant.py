@@ -29,6 +29,7 @@ from gateway.errors import PortError
 from tests.rig import sparkplug
 from tests.rig.broker import Broker, MqttMessage, RigClient, as_bytes, installed, matches
 from tests.rig.line import RigLine, Starter
+from tests.rig.state import heal_disk
 from tests.rig.web import NoSocket, WebAnswer, WebBrowser
 from tests.rig.world import START_S, RigWorld
 
@@ -114,6 +115,7 @@ class RigPlant:
 
     def __enter__(self) -> RigPlant:
         try:
+            self._stack.callback(heal_disk)
             self._stack.callback(os.umask, os.umask(0o022))  # a gateway keeps its files to its owner
             self._stack.enter_context(self.world.entered())
             self._stack.enter_context(installed(lambda h, p: self.brokers.get((h, p), self.broker)))

@@ -8,6 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from dataclasses import dataclass, field
+from itertools import pairwise
+from math import inf
 from typing import Any
 
 import pytest
@@ -40,11 +42,32 @@ def row(
     given: str,
     then: Mapping[float, Expectation | Iterable[Expectation]],
     at: Mapping[float, Action | Iterable[Action]] | None = None,
-    marks: Any = (),
     **options: Any,
 ) -> Any:
-    """Return a row for `pytest.mark.parametrize("row", ...)`; its name is a sentence."""
-    return pytest.param(ScenarioRow(name, given, at or {}, then, options), id=name, marks=marks)
+    """Return a row of a table that is `played`; its name is a sentence."""
+    return pytest.param(ScenarioRow(name, given, at or {}, then, options), id=name)
+
+
+def scene(
+    name: str,
+    given: str,
+    at: Mapping[float, Action | Iterable[Action]],
+    then_s: float,
+    *then: Expectation,
+    **options: Any,
+) -> Any:
+    """Return a row that is judged at one moment: name, what is given, what happens, when, what must be so."""
+    return row(name, given=given, at=at, then={then_s: then}, **options)
+
+
+def played(rows: Iterable[Any]) -> Callable[[ScenarioRow], None]:
+    """Return the test that plays each row of a table: `test_starts = played(STARTS + STOPS)`."""
+
+    @pytest.mark.parametrize("row", rows)
+    def test(row: ScenarioRow) -> None:
+        play(row)
+
+    return test
 
 
 def play(row: ScenarioRow) -> None:
@@ -139,6 +162,17 @@ def never(topic: str, *, since: float = 0.0, **fields: Any) -> Expectation:
     return seen(topic, times=0, since=since, **fields)
 
 
+def apart(topic: str, least_s: float, most_s: float = inf, *, since: float = 0.0) -> Expectation:
+    """The messages of the topic are so far apart, and there are several."""
+
+    def check(plant: RigPlant) -> str:
+        gaps_s = [after.at_s - before.at_s for before, after in pairwise(plant.messages(topic, since))]
+        is_so = bool(gaps_s) and least_s - 0.001 <= min(gaps_s) and max(gaps_s) <= most_s
+        return "" if is_so else f"messages of {topic} are {gaps_s} s apart"
+
+    return check
+
+
 def retained(topic: str, **fields: Any) -> Expectation:
     """The broker retains this; without fields: nothing on the topic."""
 
@@ -171,6 +205,11 @@ def frames(starter: str, *pdus: str, since: float = 0.0) -> Expectation:
     return lambda plant: _unequal(
         [each.lower() for each in pdus], [pdu for at_s, pdu in plant.starter(starter).writes if at_s >= since]
     )
+
+
+def that(found: Callable[[RigPlant], Any], wanted: Any = True) -> Expectation:
+    """What is found is this: a value, a pattern, `...`, or a mapping that has a part of it."""
+    return lambda plant: _unlike(found(plant), wanted)
 
 
 def clean_line(plant: RigPlant) -> str:

@@ -22,7 +22,7 @@ _, HARD = resource.getrlimit(resource.RLIMIT_FSIZE)
 
 
 def fail_disk(_: RigPlant | None = None) -> None:
-    """Let every write to a file fail, as on a disk that is full or has errors."""
+    """Let every write to a file fail, as on a disk that is full or has errors, until the plant's end."""
     resource.setrlimit(resource.RLIMIT_FSIZE, (0, HARD))
 
 

@@ -196,15 +196,6 @@ class RigQueue:
             self.baton.wait(self._waiters, None if until_s is None else until_s - self.baton.loop.time())
         return self._items.popleft()
 
-    def get_nowait(self) -> Any:
-        return self.get(block=False)
-
-    def qsize(self) -> int:
-        return len(self._items)
-
-    def empty(self) -> bool:
-        return not self._items
-
 
 class RigWorld:
     """Time and chance as a scenario sees them."""

@@ -41,7 +41,7 @@ def test_every_test_that_proves_an_assertion_exists() -> None:
         if isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef)
     }
 
-    scenarios = set(re.findall(r'row\(\s+"(.+)",', SCENARIOS.read_text("utf-8")))
+    scenarios = set(re.findall(r'(?:row|scene)\(\s+"(.+)",', SCENARIOS.read_text("utf-8")))
     proofs = [by for _, section, by in rows() if section == "Proved by a test"]
     by_scenario = {match[1] for by in proofs if (match := SCENARIO.fullmatch(by))}
     by_test = {tuple(TEST.findall(by)[0]) for by in proofs if not SCENARIO.fullmatch(by)}

@@ -21,11 +21,6 @@ def broker(**fields: Any) -> Callable[[RigPlant], None]:
     return act
 
 
-def holds(is_so: Callable[[RigPlant], object]) -> Expectation:
-    """This is so; a failure names its line."""
-    return lambda plant: "" if is_so(plant) else f"not so: line {is_so.__code__.co_firstlineno}"
-
-
 def codes(topic: str, *expected: str, since: float = 0.0) -> Expectation:
     """The codes of all events of a topic, in order, but for what the settings are like."""
 

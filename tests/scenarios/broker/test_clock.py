@@ -4,24 +4,23 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import pytest
-
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     event,
     frames,
     msg,
     never,
-    play,
+    played,
     result,
     retained,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.sites import ALICE, QUICK, SSW07, operator, table
-from tests.scenarios.broker.support import count, holds
+from tests.scenarios.broker.support import count
 from tests.scenarios.commands import issued, old_token
 
 START = "05 00 64 ff 00"
@@ -157,33 +156,27 @@ CLOCKS = [
         },
         then={15.0: [msg("result/pump/alice", duplicate=True, phase="confirmed"), frames("pump", START)]},
     ),
-    row(
+    scene(
         "a step of the clock changes no token, no poll and no watch over the starter",
-        given=SSW07 + ALICE,
-        at={10.0: step(7200.0), 20.0: step(-7200.0)},
-        then={
-            40.0: [
-                never("starter/pump/availability", since=5.0),
-                never("starter/pump/value/current", since=5.0, quality="stale"),
-                msg("gateway/status", state="online"),
-            ]
-        },
+        SSW07 + ALICE,
+        {10.0: step(7200.0), 20.0: step(-7200.0)},
+        40.0,
+        never("starter/pump/availability", since=5.0),
+        never("starter/pump/value/current", since=5.0, quality="stale"),
+        msg("gateway/status", state="online"),
     ),
 ]
 
 STANDSTILLS = [
-    row(
+    scene(
         "after the machine slept no token of before counts, and the status has another boot",
-        given=SSW07 + ALICE,
-        at={5.0: asleep(60.0), 7.0: old_token("pump/alice/start", of_s=4.0, ttl_s=60)},
-        then={
-            8.0: [
-                event("stood_still", severity="warning"),
-                result("start rejected not_fresh"),
-                frames("pump"),
-                holds(lambda plant: len({m.json["boot"] for m in plant.messages("gateway/status")}) > 1),
-            ]
-        },
+        SSW07 + ALICE,
+        {5.0: asleep(60.0), 7.0: old_token("pump/alice/start", of_s=4.0, ttl_s=60)},
+        8.0,
+        event("stood_still", severity="warning"),
+        result("start rejected not_fresh"),
+        frames("pump"),
+        that(lambda plant: len({m.json["boot"] for m in plant.messages("gateway/status")}) > 1),
     ),
     row(
         "a start that came while the process stood still is refused, a stop stops; the next token starts",
@@ -201,7 +194,7 @@ STANDSTILLS = [
             20.0: [
                 seen("result/pump/alice", verb="start", phase="rejected"),
                 seen("result/pump/alice", verb="stop", phase="confirmed"),
-                holds(lambda plant: START not in [pdu for _, pdu in plant.starter("pump").writes]),
+                that(lambda plant: START not in [pdu for _, pdu in plant.starter("pump").writes]),
             ],
             24.0: [result("start confirmed ok"), frames("pump", START, since=20.0)],
         },
@@ -209,19 +202,15 @@ STANDSTILLS = [
 ]
 
 HEARTBEAT = [
-    row(
+    scene(
         "a token comes each second, retained with QoS 0",
-        given=SSW07,
-        then={
-            20.0: [
-                count("gateway/fresh", 21, at_least=18),
-                retained("gateway/fresh", token=..., time=..., qos=0),
-            ]
-        },
+        SSW07,
+        {},
+        20.0,
+        count("gateway/fresh", 21, at_least=18),
+        retained("gateway/fresh", token=..., time=..., qos=0),
     ),
 ]
 
 
-@pytest.mark.parametrize("row", DATED + PROOFS + STEPS + CLOCKS + STANDSTILLS + HEARTBEAT)
-def test_freshness(row: ScenarioRow) -> None:
-    play(row)
+test_freshness = played(DATED + PROOFS + STEPS + CLOCKS + STANDSTILLS + HEARTBEAT)

@@ -12,7 +12,7 @@ from jsonschema import Draft7Validator
 
 from gateway.contract import EventRecord, HistoryRecord, read_record
 from tests.reference.contract_pages import TOPICS, Topic, closed
-from tests.rig import RigPlant, ScenarioRow, play, retained, row
+from tests.rig import RigPlant, played, result, retained, row, scene, that
 from tests.rig.broker import MqttMessage
 from tests.rig.sites import (
     ALICE,
@@ -28,7 +28,6 @@ from tests.rig.sites import (
     operator,
     table,
 )
-from tests.scenarios.broker.support import holds
 
 BASE = "starters/plant"
 DAY = (
@@ -170,37 +169,25 @@ def test_each_command_has_one_final_result_and_its_audit(day: list[MqttMessage])
 
 
 SHAPES = [
-    row(
+    scene(
         "the gateway's info says what it is, what it has, who may do what, and that it is no protection",
-        given=FOUR + ALICE + operator("bob", may=("stop",), starters=("pump",), freshness="issued_at"),
-        then={
-            4.0: [
-                retained(
-                    "gateway/info",
-                    product="starter-gateway",
-                    contract=1,
-                    starters=["pump", "fan", "mill", "belt"],
-                    lines=["pumps"],
-                    mqtt_version="5",
-                    notice=re.compile("safety"),
-                    qos=1,
-                ),
-                holds(
-                    lambda plant: (
-                        plant.last("gateway/info")["operators"]
-                        == [
-                            {"client": "alice", "may": ["*"], "starters": ["*"], "freshness": "token"},
-                            {
-                                "client": "bob",
-                                "may": ["stop"],
-                                "starters": ["pump"],
-                                "freshness": "issued_at",
-                            },
-                        ]
-                    )
-                ),
-            ]
-        },
+        FOUR + ALICE + operator("bob", may=("stop",), starters=("pump",), freshness="issued_at"),
+        {},
+        4.0,
+        retained(
+            "gateway/info",
+            product="starter-gateway",
+            contract=1,
+            starters=["pump", "fan", "mill", "belt"],
+            lines=["pumps"],
+            mqtt_version="5",
+            notice=re.compile("safety"),
+            operators=[
+                {"client": "alice", "may": ["*"], "starters": ["*"], "freshness": "token"},
+                {"client": "bob", "may": ["stop"], "starters": ["pump"], "freshness": "issued_at"},
+            ],
+            qos=1,
+        ),
     ),
     row(
         "the outbox says what waits, what was lost, and how often the gateway came back",
@@ -211,22 +198,17 @@ SHAPES = [
             95.0: retained("gateway/outbox", oldest_s=0.0, dropped=0, refused=0, reconnects=1),
         },
     ),
-    row(
+    scene(
         "a base of several levels carries everything, commands too",
-        given=SSW07 + ALICE + table("mqtt", url="mqtt://127.0.0.1", base="acme/site1/{gateway}"),
-        at={4.0: lambda plant: plant.command("pump/alice/stop", fresh=False)},
-        then={
-            8.0: [
-                retained("/starters/plant/#"),
-                holds(lambda plant: plant.base == "acme/site1/plant"),
-                retained("starter/pump/state", state="ready"),
-                holds(lambda plant: plant.results()[-1] == "stop confirmed ok"),
-            ]
-        },
+        SSW07 + ALICE + table("mqtt", url="mqtt://127.0.0.1", base="acme/site1/{gateway}"),
+        {4.0: lambda plant: plant.command("pump/alice/stop", fresh=False)},
+        8.0,
+        retained("/starters/plant/#"),
+        that(lambda plant: plant.base, "acme/site1/plant"),
+        retained("starter/pump/state", state="ready"),
+        result("stop confirmed ok"),
     ),
 ]
 
 
-@pytest.mark.parametrize("row", SHAPES)
-def test_the_gateways_own_topics(row: ScenarioRow) -> None:
-    play(row)
+test_the_gateways_own_topics = played(SHAPES)

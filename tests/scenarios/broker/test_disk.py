@@ -13,13 +13,12 @@ import pytest
 from gateway.store import Connection, OutboxRow, OutboxTable, Rank, Store
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     event,
     frames,
     msg,
     never,
-    play,
+    played,
     result,
     results,
     row,
@@ -31,12 +30,6 @@ from tests.rig.state import fail_disk, heal_disk
 from tests.scenarios.broker.support import HEAL, TRIP
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
-
-
-@pytest.fixture(autouse=True)
-def sound_disk() -> Iterator[None]:
-    yield
-    heal_disk()
 
 
 def in_the_way(plant: RigPlant) -> None:
@@ -165,9 +158,7 @@ DISKS = [
 ]
 
 
-@pytest.mark.parametrize("row", DISKS)
-def test_a_disk(row: ScenarioRow) -> None:
-    play(row)
+test_a_disk = played(DISKS)
 
 
 def test_a_disk_that_is_too_slow_for_a_start_refuses_it_and_says_so(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -310,13 +301,18 @@ def test_an_outbox_that_has_filled_the_disk_drains_when_the_broker_is_back(
 
 
 def test_with_a_broker_no_value_and_no_event_is_written_to_the_disk(monkeypatch: pytest.MonkeyPatch) -> None:
-    written: Counter[Rank] = Counter()
+    written: Counter[Rank] = Counter()  # also what is deleted
 
     class Watched(OutboxTable):
         def insert(self, connection: Connection, rows: Iterable[OutboxRow]) -> None:
             rows = tuple(rows)
             written.update(row.rank for row in rows)
             super().insert(connection, rows)
+
+        def delete(self, connection: Connection, ids: Iterable[tuple[Rank, int]]) -> None:
+            ids = tuple(ids)
+            written.update(rank for rank, _ in ids)
+            super().delete(connection, ids)
 
     monkeypatch.setattr("gateway.app.uplink.OutboxTable", Watched)
     with RigPlant(SSW07) as plant:

@@ -5,26 +5,25 @@ from __future__ import annotations
 import json
 from typing import Any
 
-import pytest
-
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     clean_line,
     command,
     frames,
     msg,
     never,
-    play,
+    played,
     publish,
     result,
     results,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.broker import MqttMessage
 from tests.rig.sites import ALICE, QUICK, SSW07, operator
-from tests.scenarios.broker.support import count, holds
+from tests.scenarios.broker.support import count
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
 
@@ -70,57 +69,48 @@ def sentence(plant: RigPlant) -> str:
 
 
 PAYLOADS = [
-    row(
+    scene(
         f"a start with {what} is rejected with a reason and writes nothing",
-        given=SSW07 + ALICE,
-        at={4.0: payload(body)},
-        then={
-            6.0: [
-                seen("result/pump/alice", times=1, phase="rejected", verb="start"),
-                count("result/#", 1),
-                sentence,
-                frames("pump"),
-                seen("audit", times=1, decision="rejected", verb="start"),
-            ]
-        },
+        SSW07 + ALICE,
+        {4.0: payload(body)},
+        6.0,
+        seen("result/pump/alice", times=1, phase="rejected", verb="start"),
+        count("result/#", 1),
+        sentence,
+        frames("pump"),
+        seen("audit", times=1, decision="rejected", verb="start"),
     )
     for what, body in BAD_PAYLOADS.items()
 ]
 
 STOPS = [
-    row(
+    scene(
         f"a stop with {what} as its payload stops",
-        given=SSW07 + ALICE,
+        SSW07 + ALICE,
+        {3.0: command("pump/alice/start"), 6.0: publish("command/pump/alice/stop", body, client="alice")},
+        10.0,
+        result("stop confirmed ok"),
+        frames("pump", STOP, since=6.0),
+        msg("starter/pump/state", state="ready"),
         sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 6.0: publish("command/pump/alice/stop", body, client="alice")},
-        then={
-            10.0: [
-                result("stop confirmed ok"),
-                frames("pump", STOP, since=6.0),
-                msg("starter/pump/state", state="ready"),
-            ]
-        },
     )
     for what, body in STOP_PAYLOADS.items()
 ]
 
 TOPICS = [
-    row(
+    scene(
         f"a command on {topic} does nothing, and is reported",
-        given=SSW07 + ALICE,
-        at={
+        SSW07 + ALICE,
+        {
             4.0: lambda plant, topic=topic: plant.publish(
                 topic, {"id": "1", "token": plant.token()}, client="alice"
             )
         },
-        then={
-            6.0: [
-                seen("gateway/event", code="malformed_topic", severity="warning", times=1),
-                results(*filter(None, (said,))),
-                frames("pump"),
-                seen("audit", times=1, decision="rejected"),
-            ]
-        },
+        6.0,
+        seen("gateway/event", code="malformed_topic", severity="warning", times=1),
+        results(*filter(None, (said,))),
+        frames("pump"),
+        seen("audit", times=1, decision="rejected"),
     )
     for topic, said in MISTYPED.items()
 ]
@@ -163,25 +153,22 @@ def _one_answer_each(plant: RigPlant) -> str:
 
 
 FLOODS = [
-    row(
+    scene(
         "of 500 starts at once one starts, and every other is refused once or counted",
-        given=SSW07 + ALICE,
+        SSW07 + ALICE,
+        {4.0: flood("start", 500)},
+        15.0,
+        frames("pump", START),
+        _one_answer_each,
+        seen("result/pump/alice", code="too_many"),
+        seen("result/pump/alice", code="busy"),
         sim={"pump": QUICK},
-        at={4.0: flood("start", 500)},
-        then={
-            15.0: [
-                frames("pump", START),
-                _one_answer_each,
-                seen("result/pump/alice", code="too_many"),
-                seen("result/pump/alice", code="busy"),
-            ]
-        },
     ),
     row(
         "a stop behind 500 starts is on the line first",
         given=SSW07 + ALICE,
         at={4.0: [flood("start", 500), command("pump/alice/stop", fresh=False)]},
-        then={4.5: [holds(lambda plant: [pdu for _, pdu in plant.starter("pump").writes][-1:] == [STOP])]},
+        then={4.5: [that(lambda plant: plant.starter("pump").writes[-1][1], STOP)]},
     ),
     row(
         "one client's flood takes nothing from another",
@@ -192,49 +179,38 @@ FLOODS = [
         },
         then={14.0: result("read confirmed ok", client="bob")},
     ),
-    row(
+    scene(
         "stops are never limited: 100 at once are carried out, with frames in moderation",
-        given=SSW07 + ALICE,
-        at={4.0: flood("stop", 100)},
-        then={
-            30.0: [
-                never("result/pump/alice", phase="failed"),
-                seen("result/pump/alice", code="too_many", id=None, count=...),
-                holds(lambda plant: 8 <= len(plant.starter("pump").writes) <= 40),
-                msg("starter/pump/state", state="ready", quality="good"),
-                clean_line,
-            ]
-        },
+        SSW07 + ALICE,
+        {4.0: flood("stop", 100)},
+        30.0,
+        never("result/pump/alice", phase="failed"),
+        seen("result/pump/alice", code="too_many", id=None, count=...),
+        that(lambda plant: 8 <= len(plant.starter("pump").writes) <= 40),
+        msg("starter/pump/state", state="ready", quality="good"),
+        clean_line,
     ),
-    row(
+    scene(
         "a flood of mistyped topics is one event a second, with its count",
-        given=SSW07 + ALICE,
-        at={
+        SSW07 + ALICE,
+        {
             4.0: lambda plant: [
                 plant.publish("command/pump/alice/START", b"x", client="alice") for _ in range(300)
             ]
         },
-        then={
-            10.0: [
-                count("gateway/event", 6, since=4.0, at_least=1),
-                seen("gateway/event", code="malformed_topic"),
-            ]
-        },
+        10.0,
+        count("gateway/event", 6, since=4.0, at_least=1),
+        seen("gateway/event", code="malformed_topic"),
     ),
-    row(
+    scene(
         "a flood costs the polls nothing",
-        given=SSW07 + ALICE,
-        at={4.0 + n / 10: flood(f"start{n}", 30) for n in range(40)},
-        then={
-            12.0: [
-                msg("starter/pump/availability", state="online"),
-                never("starter/pump/value/current", quality="stale"),
-            ]
-        },
+        SSW07 + ALICE,
+        {4.0 + n / 10: flood(f"start{n}", 30) for n in range(40)},
+        12.0,
+        msg("starter/pump/availability", state="online"),
+        never("starter/pump/value/current", quality="stale"),
     ),
 ]
 
 
-@pytest.mark.parametrize("row", PAYLOADS + STOPS + TOPICS + REFUSED + FLOODS)
-def test_what_arrives(row: ScenarioRow) -> None:
-    play(row)
+test_what_arrives = played(PAYLOADS + STOPS + TOPICS + REFUSED + FLOODS)

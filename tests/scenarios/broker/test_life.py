@@ -6,25 +6,24 @@ import re
 from collections.abc import Callable
 from typing import Any
 
-import pytest
-
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     event,
     fault,
     frames,
     msg,
     never,
-    play,
+    played,
     result,
     retained,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
-from tests.scenarios.broker.support import TRIP, afresh, holds, order
+from tests.scenarios.broker.support import TRIP, afresh, order
 
 START, STOP = "05 00 64 ff 00", "05 00 64 00 00"
 LOCK = command("pump/alice/lock", args={"reason": "belt is off"})
@@ -57,74 +56,61 @@ def last_words(plant: RigPlant) -> str:
 
 
 BEGINNING = [
-    row(
+    scene(
         "a start says starting, publishes every retained topic, then online",
-        given=FOUR,
-        then={
-            8.0: [
-                afresh(0.0),
-                order(("gateway/status", {"state": "starting"}), ("gateway/status", {"state": "online"})),
-                retained("gateway/status", state="online", reason=None, since=..., boot=..., run=...),
-            ]
-        },
+        FOUR,
+        {},
+        8.0,
+        afresh(0.0),
+        order(("gateway/status", {"state": "starting"}), ("gateway/status", {"state": "online"})),
+        retained("gateway/status", state="online", reason=None, since=..., boot=..., run=...),
     ),
-    row(
+    scene(
         "a run begins without any good value, whatever the one before had published",
-        given=SSW07,
-        at={5.0: ["kill", fault("silent", "pump")], 6.0: "start"},
-        then={
-            30.0: [
-                nothing_good(5.1),
-                retained("starter/pump/availability", state="offline"),
-                retained("starter/pump/state", state="unknown"),
-                retained("starter/pump/value/current", quality="bad"),
-            ]
-        },
+        SSW07,
+        {5.0: ["kill", fault("silent", "pump")], 6.0: "start"},
+        30.0,
+        nothing_good(5.1),
+        retained("starter/pump/availability", state="offline"),
+        retained("starter/pump/state", state="unknown"),
+        retained("starter/pump/value/current", quality="bad"),
     ),
 ]
 
 ENDS = [
-    row(
+    scene(
         "an orderly end says offline and stale of every starter, then of the gateway",
-        given=FOUR,
-        at={6.0: "end"},
-        then={
-            6.0: [
-                last_words,
-                retained("gateway/status", state="offline", reason=...),
-                retained(
-                    "starter/belt/availability", state="offline", reason=re.compile("the gateway ended")
-                ),
-                retained("starter/belt/state", quality="stale"),
-                retained("starter/belt/value/current", quality="stale"),
-                event("stopping"),
-                order(
-                    ("gateway/event", {"code": "stopping"}),
-                    ("starter/belt/availability", {"state": "offline"}),
-                    ("gateway/status", {"state": "offline"}),
-                    since=5.9,
-                ),
-            ]
-        },
+        FOUR,
+        {6.0: "end"},
+        6.0,
+        last_words,
+        retained("gateway/status", state="offline", reason=...),
+        retained("starter/belt/availability", state="offline", reason=re.compile("the gateway ended")),
+        retained("starter/belt/state", quality="stale"),
+        retained("starter/belt/value/current", quality="stale"),
+        event("stopping"),
+        order(
+            ("gateway/event", {"code": "stopping"}),
+            ("starter/belt/availability", {"state": "offline"}),
+            ("gateway/status", {"state": "offline"}),
+            since=5.9,
+        ),
     ),
-    row(
+    scene(
         "a kill leaves the will: offline, with no time of its own, and nothing else changes",
-        given=SSW07,
-        at={6.0: "kill"},
-        then={
-            9.0: [
-                retained("gateway/status", state="offline", time=None),
-                retained("starter/pump/availability", state="online"),
-                never("gateway/event", code="stopping"),
-            ]
-        },
+        SSW07,
+        {6.0: "kill"},
+        9.0,
+        retained("gateway/status", state="offline", time=None),
+        retained("starter/pump/availability", state="online"),
+        never("gateway/event", code="stopping"),
     ),
     *(
         row(
             f"an end with the {words} is over within ten seconds",
             given=SSW07,
             at={5.0: words, 6.0: "end"},
-            then={6.0: holds(lambda plant: plant.world.now_s() < 16.0)},
+            then={6.0: that(lambda plant: plant.world.now_s() < 16.0)},
         )
         for words in ("broker down", "broker stalls")
     ),
@@ -150,36 +136,29 @@ MEMORY = [
             14.0: [msg("result/pump/alice", id="one", code="crashed", duplicate=True), frames("pump", START)],
         },
     ),
-    row(
+    scene(
         "a maintenance lock outlives a kill and an orderly end",
-        given=SSW07 + ALICE,
-        at={4.0: LOCK, 6.0: "kill", 7.0: "start", 12.0: "restart", 18.0: command("pump/alice/start")},
-        then={
-            19.0: [
-                result("start rejected locked"),
-                retained("starter/pump/state", locked={"by": "alice", "reason": "belt is off"}),
-                frames("pump"),
-            ]
-        },
+        SSW07 + ALICE,
+        {4.0: LOCK, 6.0: "kill", 7.0: "start", 12.0: "restart", 18.0: command("pump/alice/start")},
+        19.0,
+        result("start rejected locked"),
+        retained("starter/pump/state", locked={"by": "alice", "reason": "belt is off"}),
+        frames("pump"),
     ),
-    row(
-        "a fault that an earlier run has published is no event again",
-        given=SSW07,
-        at={4.0: TRIP, 10.0: "kill", 12.0: "start"},
-        then={
-            25.0: [
-                seen("starter/pump/event", code="fault", times=1),
-                holds(lambda plant: len({m.json["id"] for m in plant.messages("starter/pump/trip")}) == 1),
-                retained("starter/pump/alarm/e05", active=True),
-            ]
-        },
+    scene(
+        "a fault that an earlier run has published is no event again, and its alarm is never cleared between",
+        SSW07,
+        {4.0: TRIP, 10.0: "kill", 12.0: "start"},
+        25.0,
+        seen("starter/pump/event", code="fault", times=1),
+        that(lambda plant: len({m.json["id"] for m in plant.messages("starter/pump/trip")}), 1),
+        retained("starter/pump/alarm/e05", active=True),
+        that(lambda plant: all(m.payload for m in plant.messages("starter/pump/alarm/e05"))),
     ),
 ]
 
 
-@pytest.mark.parametrize("row", BEGINNING + ENDS + MEMORY)
-def test_a_life(row: ScenarioRow) -> None:
-    play(row)
+test_a_life = played(BEGINNING + ENDS + MEMORY)
 
 
 def test_the_audit_is_one_chain_over_kills_and_restarts() -> None:

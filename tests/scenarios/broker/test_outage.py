@@ -9,22 +9,23 @@ import pytest
 
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     clean_line,
     command,
     event,
     frames,
     msg,
     never,
-    play,
+    played,
     retained,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW07
-from tests.scenarios.broker.support import HEAL, TRIP, afresh, broker, codes, count, holds, order
+from tests.scenarios.broker.support import HEAL, TRIP, afresh, broker, codes, count, order
 
-START = "05 00 64 ff 00"
+START, FRESH = "05 00 64 ff 00", "gateway/fresh"
 
 
 def _history(plant: RigPlant) -> str:
@@ -70,25 +71,22 @@ def _one_at_a_time(plant: RigPlant) -> str:
 
 
 OUTAGES = [
-    row(
+    scene(
         "faults of an outage are published at the return, once each, in order and with their own time",
-        given=SSW07,
-        at={5.0: "broker down", 8.0: TRIP, 14.0: HEAL, 20.0: TRIP, 30.0: "broker up"},
-        then={
-            60.0: [
-                codes("starter/pump/event", "fault", "cleared", "fault", since=5.0),
-                seen("starter/pump/event", code="fault", times=1, time=re.compile("00:00:0[89]")),
-                seen("starter/pump/event", code="fault", times=1, time=re.compile("00:00:2[01]")),
-                seen("starter/pump/trip", code="e05", times=2),
-                retained("starter/pump/alarm/e05", active=True, count=2),
-                clean_line,
-            ]
-        },
+        SSW07,
+        {5.0: "broker down", 8.0: TRIP, 14.0: HEAL, 20.0: TRIP, 30.0: "broker up"},
+        60.0,
+        codes("starter/pump/event", "fault", "cleared", "fault", since=5.0),
+        seen("starter/pump/event", code="fault", times=1, time=re.compile("00:00:0[89]")),
+        seen("starter/pump/event", code="fault", times=1, time=re.compile("00:00:2[01]")),
+        seen("starter/pump/trip", code="e05", times=2),
+        retained("starter/pump/alarm/e05", active=True, count=2),
+        clean_line,
     ),
-    row(
+    scene(
         "a value of the outage is published as it is now, and what it was meanwhile as history",
-        given=SSW07,
-        at={
+        SSW07,
+        {
             4.0: "pump P003 = 100",
             8.0: "broker down",
             10.0: "pump P003 = 110",
@@ -96,15 +94,12 @@ OUTAGES = [
             20.0: "pump P003 = 130",
             30.0: "broker up",
         },
-        then={
-            60.0: [
-                msg("starter/pump/value/current", value=13.0, quality="good"),
-                never("starter/pump/value/current", value=11.0),
-                never("starter/pump/value/current", value=12.0),
-                _history,
-                seen("starter/pump/history", times=0, retain=True),
-            ]
-        },
+        60.0,
+        msg("starter/pump/value/current", value=13.0, quality="good"),
+        never("starter/pump/value/current", value=11.0),
+        never("starter/pump/value/current", value=12.0),
+        _history,
+        seen("starter/pump/history", times=0, retain=True),
     ),
     row(
         "a final result that the broker missed comes at the return, once",
@@ -120,28 +115,22 @@ OUTAGES = [
             ],
         },
     ),
-    row(
+    scene(
         "each return publishes every retained topic before online",
-        given=FOUR,
-        at={8.0: "broker down", 12.0: "broker up"},
-        then={
-            30.0: [
-                afresh(12.0),
-                order(("starter/belt/state", {}), ("gateway/status", {"state": "online"}), since=12.0),
-                never("gateway/status", since=12.0, state="offline"),
-            ]
-        },
+        FOUR,
+        {8.0: "broker down", 12.0: "broker up"},
+        30.0,
+        afresh(12.0),
+        order(("starter/belt/state", {}), ("gateway/status", {"state": "online"}), since=12.0),
+        never("gateway/status", since=12.0, state="offline"),
     ),
-    row(
+    scene(
         "an outage is reported at its end, with both its causes, and each connection has a boot of its own",
-        given=SSW07,
-        at={5.0: "broker down", 15.0: "broker up"},
-        then={
-            25.0: [
-                codes("gateway/event", "broker_away", "broker_away", "broker_connected", since=10.0),
-                holds(lambda plant: len({m.json["boot"] for m in plant.messages("gateway/status")}) == 2),
-            ]
-        },
+        SSW07,
+        {5.0: "broker down", 15.0: "broker up"},
+        25.0,
+        codes("gateway/event", "broker_away", "broker_away", "broker_connected", since=10.0),
+        that(lambda plant: len({m.json["boot"] for m in plant.messages("gateway/status")}), 2),
     ),
     row(
         "what waits for the broker outlives a kill and goes out first, with the run that it had",
@@ -152,18 +141,15 @@ OUTAGES = [
 ]
 
 ACKNOWLEDGEMENTS = [
-    row(
+    scene(
         "what was not acknowledged is sent again, the same to the byte",
-        given=SSW07,
-        at={4.0: broker(ack_after_s=None), 5.0: TRIP, 12.0: broker(ack_after_s=0.0)},
-        then={
-            60.0: [
-                seen("starter/pump/event", code="fault"),
-                event("broker_away"),
-                _same_number_same_bytes,
-                msg("gateway/status", state="online"),
-            ]
-        },
+        SSW07,
+        {4.0: broker(ack_after_s=None), 5.0: TRIP, 12.0: broker(ack_after_s=0.0)},
+        60.0,
+        seen("starter/pump/event", code="fault"),
+        event("broker_away"),
+        _same_number_same_bytes,
+        msg("gateway/status", state="online"),
     ),
     row(
         "a broker that takes one message at a time gets one at a time, and all of them",
@@ -182,9 +168,7 @@ ACKNOWLEDGEMENTS = [
 ]
 
 
-@pytest.mark.parametrize("row", OUTAGES + ACKNOWLEDGEMENTS)
-def test_nothing_is_lost(row: ScenarioRow) -> None:
-    play(row)
+test_nothing_is_lost = played(OUTAGES + ACKNOWLEDGEMENTS)
 
 
 @pytest.mark.parametrize(
@@ -226,29 +210,19 @@ STALLS = [
         "a stop that a stalled broker held stops when it comes",
         given=SSW07 + ALICE,
         at={5.0: "broker stalls", 5.1: command("pump/alice/stop", fresh=False), 9.0: "broker goes"},
-        then={8.9: frames("pump"), 9.5: holds(lambda plant: plant.starter("pump").writes)},
+        then={8.9: frames("pump"), 9.5: that(lambda plant: bool(plant.starter("pump").writes))},
     ),
-    row(
+    scene(
         "a half-open connection is given up, and a new one has new tokens",
-        given=SSW07,
-        at={5.0: "broker stalls", 40.0: "broker goes"},
-        then={
-            60.0: [
-                event("broker_away"),
-                afresh(40.0),
-                count("gateway/fresh", 25, since=40.0, at_least=15),
-                holds(
-                    lambda plant: (
-                        len({m.json["token"] for m in plant.messages("gateway/fresh")})
-                        == len(plant.messages("gateway/fresh"))
-                    )
-                ),
-            ]
-        },
+        SSW07,
+        {5.0: "broker stalls", 40.0: "broker goes"},
+        60.0,
+        event("broker_away"),
+        afresh(40.0),
+        count(FRESH, 25, since=40.0, at_least=15),
+        that(lambda p: len({m.json["token"] for m in p.messages(FRESH)}) == len(p.messages(FRESH))),
     ),
 ]
 
 
-@pytest.mark.parametrize("row", STALLS)
-def test_stalls_and_half_open_connections(row: ScenarioRow) -> None:
-    play(row)
+test_stalls_and_half_open_connections = played(STALLS)

@@ -4,18 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.rig import (
-    RigPlant,
-    ScenarioRow,
-    command,
-    event,
-    fault,
-    msg,
-    play,
-    reload,
-    result,
-    row,
-)
+from tests.rig import RigPlant, command, event, fault, msg, played, reload, result, row, scene
 from tests.rig.sites import ALICE, SSW07, line, starter
 from tests.rig.state import stored_document, with_document
 from tests.scenarios.broker.support import codes
@@ -48,23 +37,18 @@ ROWS = [
         at={15.0: reload(SLOW + PUMP + MANY)},
         then={20.0: [event("reload_refused"), msg("starter/pump/availability", state="online")]},
     ),
-    row(
+    scene(
         "a damaged document of watchdogs is reported, and they are read again",
-        given=SSW07,
-        at={10.0: ["end", with_document("watchdogs", '{"starters": 7}'), "start"]},
-        then={
-            30.0: [
-                event("memory_damaged"),
-                codes("starter/pump/event"),
-            ]
-        },
+        SSW07,
+        {10.0: ["end", with_document("watchdogs", '{"starters": 7}'), "start"]},
+        30.0,
+        event("memory_damaged"),
+        codes("starter/pump/event"),
     ),
 ]
 
 
-@pytest.mark.parametrize("row", ROWS)
-def test_watchdogs(row: ScenarioRow) -> None:
-    play(row)
+test_watchdogs = played(ROWS)
 
 
 @pytest.mark.parametrize(

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, frames, play, row
+from tests.rig import RigPlant, frames, played, row, scene
 from tests.rig.sites import ALICE, FOUR, SST, SSW06, SSW07, SSW900, operator, starter
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
 
@@ -65,19 +65,16 @@ SETS = [
             (SST, "belt", 69, "", ("R41",)),
         )
     ),
-    row(
+    scene(
         "a row that the starter refuses is noted",
-        given=PUMP,
-        at={1.0: lambda plant: plant.starter("pump").unit.settings.pop(277)},
-        then={
-            3.0: [
-                cli(
-                    "parameters save CONFIG pump -",
-                    out=(re.compile('P277 = ".*illegal data address'), "P278 = {"),
-                ),
-                cli(SAVED, out="66 parameters of pump, 1 could not"),
-            ]
-        },
+        PUMP,
+        {1.0: lambda plant: plant.starter("pump").unit.settings.pop(277)},
+        3.0,
+        cli(
+            "parameters save CONFIG pump -",
+            out=(re.compile('P277 = ".*illegal data address'), "P278 = {"),
+        ),
+        cli(SAVED, out="66 parameters of pump, 1 could not"),
     ),
     beside(
         "a setting is written once, whatever else the file has",
@@ -215,9 +212,7 @@ SETS = [
 ]
 
 
-@pytest.mark.parametrize("row", SETS)
-def test_sets_of_parameters(row: ScenarioRow) -> None:
-    play(row)
+test_sets_of_parameters = played(SETS)
 
 
 FILES_SAVED = {

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import re
 
-import pytest
-
-from tests.rig import RigPlant, ScenarioRow, command, frames, play, results, row
+from tests.rig import RigPlant, command, frames, played, results, row, scene
 from tests.rig.sites import ALICE, QUICK, SSW07, operator, starter, table
 from tests.scenarios.cli.lines import beside, cli
 
@@ -33,13 +31,12 @@ SENDING = [
         cli(START, out=CONFIRMED, err=""),
         frames("pump", "05 00 64 ff 00"),
     ),
-    row(
+    scene(
         "a command that is refused says why, and that nothing was written",
-        given=SSW07 + ALICE,
-        at={3.0: command("pump/alice/start")},
-        then={
-            6.0: cli(START, code=1, out=(re.compile(r"rejected \[motor_running\]: "), "nothing was written"))
-        },
+        SSW07 + ALICE,
+        {3.0: command("pump/alice/start")},
+        6.0,
+        cli(START, code=1, out=(re.compile(r"rejected \[motor_running\]: "), "nothing was written")),
     ),
     row(
         "a start that the starter does not follow is not confirmed",
@@ -154,6 +151,4 @@ SENDING = [
 ]
 
 
-@pytest.mark.parametrize("row", SENDING)
-def test_send(row: ScenarioRow) -> None:
-    play(row)
+test_send = played(SENDING)

@@ -12,7 +12,7 @@ import comtrade
 import pytest
 
 from gateway.families import FAMILIES
-from tests.rig import RigPlant, ScenarioRow, command, fault, frames, play, result, row
+from tests.rig import RigPlant, command, fault, frames, played, result, row, scene
 from tests.rig.sites import ALICE, FOUR, LOGIN, QUICK, SSW07, SSW900, WEB, line, starter, table
 from tests.rig.state import with_sql
 from tests.scenarios.cli.lines import LineRow, beside, cli, ended, file_has, line_row, play_line
@@ -231,21 +231,20 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
         r"cannot be asked: .*\[not_allowed\] \(--client NAME asks as another operator\)",
         at_s=5.0,
     ),
-    row(
+    scene(
         "what the gateway knows of a silent starter is said, and of one of another family",
-        given=SSW07 + starter("fan", 2, "ssw06") + ALICE,
+        SSW07 + starter("fan", 2, "ssw06") + ALICE,
+        {3.0: fault("silent", "pump")},
+        30.0,
+        cli(
+            "doctor CONFIG",
+            code=1,
+            out=(
+                "starter pump: the gateway says: offline since ",
+                re.compile("starter fan: the gateway says: .*it is ssw07, not ssw06"),
+            ),
+        ),
         sim={"fan": {"family": "ssw07"}},
-        at={3.0: fault("silent", "pump")},
-        then={
-            30.0: cli(
-                "doctor CONFIG",
-                code=1,
-                out=(
-                    "starter pump: the gateway says: offline since ",
-                    re.compile("starter fan: the gateway says: .*it is ssw07, not ssw06"),
-                ),
-            )
-        },
     ),
     looked(
         "an adapter that echoes is named",
@@ -286,32 +285,27 @@ DOCTOR = [  # a clock that is not synchronised is a warning, which ends with 1 t
 
 NO_ENTRIES = ("nonsense", "[]")
 AUDIT = [
-    row(
+    scene(
         "the audit says who did what, with the result",
-        given=SSW07 + ALICE,
-        at={3.0: command("pump/alice/start", operator="Anna"), 6.0: command("pump/bob/stop")},
-        then={
-            8.0: [
-                cli(
-                    "audit show CONFIG",
-                    out=(
-                        "gateway_started",
-                        re.compile(
-                            r"alice \(says: Anna\): start pump, id id-1: confirmed; .*running false -> true"
-                        ),
-                        re.compile(r"bob.*: stop pump, id id-2: rejected \(not_allowed\)"),
-                    ),
-                ),
-                cli("audit show CONFIG --last 1", out=re.compile(r"^\d+ [^\n]*bob[^\n]*\n$")),
-                cli(
-                    "audit show CONFIG --last 1 --json",
-                    json={"client": "bob", "verb": "stop", "code": "not_allowed"},
-                ),
-                cli("audit verify CONFIG", out="chain whole"),
-                cli("audit verify DIR/state", out="chain whole"),
-                cli("audit verify CONFIG --contains abc", code=1, out="no line has the hash abc"),
-            ]
-        },
+        SSW07 + ALICE,
+        {3.0: command("pump/alice/start", operator="Anna"), 6.0: command("pump/bob/stop")},
+        8.0,
+        cli(
+            "audit show CONFIG",
+            out=(
+                "gateway_started",
+                re.compile(r"alice \(says: Anna\): start pump, id id-1: confirmed; .*running false -> true"),
+                re.compile(r"bob.*: stop pump, id id-2: rejected \(not_allowed\)"),
+            ),
+        ),
+        cli("audit show CONFIG --last 1", out=re.compile(r"^\d+ [^\n]*bob[^\n]*\n$")),
+        cli(
+            "audit show CONFIG --last 1 --json",
+            json={"client": "bob", "verb": "stop", "code": "not_allowed"},
+        ),
+        cli("audit verify CONFIG", out="chain whole"),
+        cli("audit verify DIR/state", out="chain whole"),
+        cli("audit verify CONFIG --contains abc", code=1, out="no line has the hash abc"),
     ),
     row(
         "an entry that was changed breaks the chain; the newest that were cut off only a noted hash shows",
@@ -344,101 +338,90 @@ AUDIT = [
 ]
 
 HISTORY = [
-    row(
+    scene(
         "starts and trips are listed, of one starter or of all, and exported as CSV and COMTRADE",
-        given=SSW07 + starter("fan", 2, "ssw06") + ALICE,
+        SSW07 + starter("fan", 2, "ssw06") + ALICE,
+        {**TRIPPED, 9.0: "end"},
+        9.0,
+        cli(
+            "history CONFIG pump",
+            out=(
+                re.compile(r" start  full voltage, 0\.\d+ s, "),
+                " trip   fault E05 Motor overload, was running",
+            ),
+        ),
+        cli("history CONFIG fan", out="no start and no trip is recorded yet"),
+        cli("history CONFIG fan --csv -", code=1),
+        cli(
+            "history CONFIG",
+            out=(re.compile(r"Z  pump  .* start "), re.compile(r"Z  pump  .* trip ")),
+        ),
+        cli(
+            "history CONFIG pump --json",
+            out=(re.compile(r'^\{"id": .*"outcome": "full_voltage"'), '"code": "e05"'),
+        ),
+        cli(
+            "history CONFIG pump --id 1-1",
+            code=2,
+            err="there is no record 1-1; without --id they are listed",
+        ),
+        cli("history CONFIG pump --csv -", out=(re.compile("^t_s,time,"), "current [A]", "fault_code")),
+        cli("history CONFIG pump --comtrade DIR/trip", out="trip.cfg: trip "),
+        file_has("trip.cfg", ",2013", "current,,,A", "ASCII"),
+        file_has("trip.dat"),
+        _read_by_comtrade("trip", "current"),
+        _curve_of_a_start,
+        cli("history CONFIG pump --csv DIR/none/x.csv", code=1, out="", err="cannot be written"),
+        cli("report CONFIG pump --html DIR/none/x.html", code=1, err="cannot be written"),
         sim={"pump": QUICK},
-        at={**TRIPPED, 9.0: "end"},
-        then={
-            9.0: [
-                cli(
-                    "history CONFIG pump",
-                    out=(
-                        re.compile(r" start  full voltage, 0\.\d+ s, "),
-                        " trip   fault E05 Motor overload, was running",
-                    ),
-                ),
-                cli("history CONFIG fan", out="no start and no trip is recorded yet"),
-                cli("history CONFIG fan --csv -", code=1),
-                cli(
-                    "history CONFIG",
-                    out=(re.compile(r"Z  pump  .* start "), re.compile(r"Z  pump  .* trip ")),
-                ),
-                cli(
-                    "history CONFIG pump --json",
-                    out=(re.compile(r'^\{"id": .*"outcome": "full_voltage"'), '"code": "e05"'),
-                ),
-                cli(
-                    "history CONFIG pump --id 1-1",
-                    code=2,
-                    err="there is no record 1-1; without --id they are listed",
-                ),
-                cli(
-                    "history CONFIG pump --csv -", out=(re.compile("^t_s,time,"), "current [A]", "fault_code")
-                ),
-                cli("history CONFIG pump --comtrade DIR/trip", out="trip.cfg: trip "),
-                file_has("trip.cfg", ",2013", "current,,,A", "ASCII"),
-                file_has("trip.dat"),
-                _read_by_comtrade("trip", "current"),
-                _curve_of_a_start,
-                cli("history CONFIG pump --csv DIR/none/x.csv", code=1, out="", err="cannot be written"),
-                cli("report CONFIG pump --html DIR/none/x.html", code=1, err="cannot be written"),
-            ]
-        },
     ),
-    row(
+    scene(
         "the report has identity, starts and trips, in the language asked for, and as a page",
-        given=SSW07 + ALICE,
+        SSW07 + ALICE,
+        TRIPPED,
+        12.0,
+        cli(
+            "report CONFIG pump",
+            out=(
+                "Health report: pump",
+                "SSW-07 85.0A",
+                "85 A",
+                "Starts",
+                "E05",
+                "alice",
+                " answered",
+            ),
+        ),
+        cli("report CONFIG pump --no-broker", out="Health report: pump"),
+        cli("report CONFIG pump --language es", out="Informe de estado: pump"),
+        cli("report CONFIG pump --html DIR/pump.html", out="pump.html: written"),
+        file_has("pump.html", "<html", "<svg", "E05", but=("<script",)),
         sim={"pump": QUICK},
-        at=TRIPPED,
-        then={
-            12.0: [
-                cli(
-                    "report CONFIG pump",
-                    out=(
-                        "Health report: pump",
-                        "SSW-07 85.0A",
-                        "85 A",
-                        "Starts",
-                        "E05",
-                        "alice",
-                        " answered",
-                    ),
-                ),
-                cli("report CONFIG pump --no-broker", out="Health report: pump"),
-                cli("report CONFIG pump --language es", out="Informe de estado: pump"),
-                cli("report CONFIG pump --html DIR/pump.html", out="pump.html: written"),
-                file_has("pump.html", "<html", "<svg", "E05", but=("<script",)),
-            ]
-        },
     ),
 ]
 
 BACKUP = [
-    row(
+    scene(
         "a backup of the running gateway is restored elsewhere, its starters locked",
-        given=SSW07 + ALICE + WEB + LOGIN,
-        at={3.0: command("pump/alice/start")},
-        then={
-            6.0: [
-                cli(
-                    "backup CONFIG DIR/b.tar.gz",
-                    out=("state.sqlite", "left out (--secrets takes them): the password of login anna"),
-                ),
-                cli("backup CONFIG DIR/b.tar.gz"),  # in place of the earlier one
-                cli("backup CONFIG CONFIG", code=2, err="is there, and no backup"),
-                cli("restore DIR/b.tar.gz", code=1, out="", err=("already there: ", "--replace", "--to DIR")),
-                cli("restore DIR/b.tar.gz --to DIR/new", out="locked until an operator unlocks them: pump"),
-                file_has("new/site.toml", 'name = "pump"'),
-                cli("restore CONFIG", code=1, out="", err=("is no whole backup", "take another copy")),
-                cli(
-                    "restore DIR/none.tar.gz",
-                    code=1,
-                    out="",
-                    err="none.tar.gz: No such file or directory (name a",
-                ),
-            ]
-        },
+        SSW07 + ALICE + WEB + LOGIN,
+        {3.0: command("pump/alice/start")},
+        6.0,
+        cli(
+            "backup CONFIG DIR/b.tar.gz",
+            out=("state.sqlite", "left out (--secrets takes them): the password of login anna"),
+        ),
+        cli("backup CONFIG DIR/b.tar.gz"),  # in place of the earlier one
+        cli("backup CONFIG CONFIG", code=2, err="is there, and no backup"),
+        cli("restore DIR/b.tar.gz", code=1, out="", err=("already there: ", "--replace", "--to DIR")),
+        cli("restore DIR/b.tar.gz --to DIR/new", out="locked until an operator unlocks them: pump"),
+        file_has("new/site.toml", 'name = "pump"'),
+        cli("restore CONFIG", code=1, out="", err=("is no whole backup", "take another copy")),
+        cli(
+            "restore DIR/none.tar.gz",
+            code=1,
+            out="",
+            err="none.tar.gz: No such file or directory (name a",
+        ),
     ),
     row(
         "what is replaced is set aside, and a start is refused until somebody has unlocked",
@@ -464,20 +447,17 @@ BACKUP = [
 
 ONLINE = "starters/plant  online  LIVE"
 WATCH = [
-    row(
+    scene(
         "watch shows each starter with state, current, fault and the last command",
-        given=SSW07 + ALICE + starter("fan", 2, "ssw06"),
+        SSW07 + ALICE + starter("fan", 2, "ssw06"),
+        {3.0: command("pump/alice/start")},
+        6.0,
+        cli(
+            "watch CONFIG --once",
+            out=(ONLINE, re.compile("fan .* ready"), re.compile("pump .* running")),
+        ),
+        cli("watch mqtt://127.0.0.1 --once", out=ONLINE),
         sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start")},
-        then={
-            6.0: [
-                cli(
-                    "watch CONFIG --once",
-                    out=(ONLINE, re.compile("fan .* ready"), re.compile("pump .* running")),
-                ),
-                cli("watch mqtt://127.0.0.1 --once", out=ONLINE),
-            ]
-        },
     ),
     row(
         "what is not live is never shown as if it were, and without a broker there is no table",
@@ -529,9 +509,7 @@ UPGRADE = [
 ]
 
 
-@pytest.mark.parametrize("row", SCANNING + DOCTOR + AUDIT + HISTORY + BACKUP + WATCH + UPGRADE)
-def test_a_tool(row: ScenarioRow) -> None:
-    play(row)
+test_a_tool = played(SCANNING + DOCTOR + AUDIT + HISTORY + BACKUP + WATCH + UPGRADE)
 
 
 LOCAL = '[mqtt]\nurl = "mqtt://localhost"\nusername = "plant"\n' + SSW07 + ALICE  # without certificates

@@ -6,7 +6,6 @@ import hashlib
 import json
 import os
 import sqlite3
-from collections.abc import Iterator
 from contextlib import closing
 from pathlib import Path
 from types import SimpleNamespace
@@ -16,7 +15,7 @@ import pytest
 
 from gateway.errors import StoreError
 from gateway.store.import_0_2 import import_files, is_import_due
-from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
+from tests.rig import RigPlant, command, event, frames, never, played, result, row, seen
 from tests.rig.rows import Action, act
 from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK
 from tests.rig.state import fail_disk, heal_disk
@@ -216,15 +215,7 @@ UPGRADES = [
 ]
 
 
-@pytest.fixture(autouse=True)
-def sound_disk() -> Iterator[None]:
-    yield
-    heal_disk()
-
-
-@pytest.mark.parametrize("row", UPGRADES)
-def test_an_upgrade(row: ScenarioRow) -> None:
-    play(row)
+test_an_upgrade = played(UPGRADES)
 
 
 def test_an_import_for_which_the_disk_has_no_room_is_not_begun(

@@ -4,19 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
-from tests.rig import (
-    RigPlant,
-    ScenarioRow,
-    command,
-    frames,
-    play,
-    publish,
-    result,
-    row,
-    seen,
-)
+from tests.rig import RigPlant, command, frames, played, publish, row, seen
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, QUICK, SSW07, starter, table
 from tests.scenarios.commands import issued, old_token
@@ -109,22 +97,7 @@ ROWS = [
             5.9: seen("gateway/fresh", since=5.48, times=0),
         },
     ),
-    row(
-        "a start under way is cut by a stop, whichever comes to be read first",
-        given=SITE,
-        sim={"pump": QUICK},
-        at={3.0: [command("pump/alice/start"), publish("command/pump/alice/stop")]},
-        then={
-            6.0: [
-                seen("result/pump/alice", verb="start", phase="rejected", code="stopped_first"),
-                result("stop confirmed ok"),
-                frames("pump", STOP),
-            ]
-        },
-    ),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", ROWS)
-def test_what_was_decided_before_a_stop_moves_nothing(row: ScenarioRow) -> None:
-    play(row)
+test_what_was_decided_before_a_stop_moves_nothing = played(ROWS)

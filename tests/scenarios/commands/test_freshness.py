@@ -6,16 +6,13 @@ import json
 import re
 from typing import Any
 
-import pytest
-
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     frames,
     msg,
     never,
-    play,
+    played,
     publish,
     reload,
     result,
@@ -116,21 +113,8 @@ NEVER = [
             9.0: "restart"},
         then={14.0: [never("result/pump/alice", id="retained", code="ok"), NOTHING]},
     ),
-    row(
-        "commands that came while the gateway was away are not acted on",
-        given=SITE,
-        at={4.0: "end", 5.0: [command("pump/alice/start"), publish("command/pump/alice/stop")],
-            6.0: "start"},
-        then={12.0: NOTHING},
-    ),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", PROOFS)
-def test_every_command_but_stop_and_read_is_provably_fresh(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", NEVER)
-def test_what_is_old_or_repeated_does_not_act(row: ScenarioRow) -> None:
-    play(row)
+test_every_command_but_stop_and_read_is_provably_fresh = played(PROOFS)
+test_what_is_old_or_repeated_does_not_act = played(NEVER)

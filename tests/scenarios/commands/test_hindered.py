@@ -3,26 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from itertools import count
 from typing import Any
 
 import pytest
 
-from tests.rig import (
-    RigPlant,
-    ScenarioRow,
-    command,
-    event,
-    fault,
-    frames,
-    msg,
-    never,
-    play,
-    result,
-    row,
-    seen,
-)
+from tests.rig import RigPlant, command, event, fault, frames, msg, never, played, result, row, scene, seen
 from tests.rig.rows import Action, Expectation, act
 from tests.rig.sites import ALICE, QUICK, SITES, SSW07, SSW900, line, operator, starter, table
 from tests.rig.state import fail_disk, heal_disk, with_document
@@ -373,17 +360,14 @@ STOPS = [
         at={3.0: [answers("pump", when("05", "lost")), stop("1")], 9.0: fault("silent", "pump")},
         then={15.0: result("stop unconfirmed not_seen")},
     ),
-    row(
+    scene(
         "the end of the gateway ends a stop under way, of a group too, and writes nothing more",
-        given=SITE + table("[group]", name="hall", starters=["*"]),
-        at={3.0: RUNS, 4.0: [stop("1"), command("hall/alice/stop")], 4.6: "end"},
-        then={
-            5.5: [
-                seen("result/pump/alice", verb="stop", phase="unconfirmed", code="shutting_down"),
-                seen("result/hall/alice", phase="unconfirmed"),
-                lambda plant: "" if all(at_s < 4.7 for at_s, _ in plant.starter("pump").writes) else "late",
-            ]
-        },
+        SITE + table("[group]", name="hall", starters=["*"]),
+        {3.0: RUNS, 4.0: [stop("1"), command("hall/alice/stop")], 4.6: "end"},
+        5.5,
+        seen("result/pump/alice", verb="stop", phase="unconfirmed", code="shutting_down"),
+        seen("result/hall/alice", phase="unconfirmed"),
+        lambda plant: "" if all(at_s < 4.7 for at_s, _ in plant.starter("pump").writes) else "late",
     ),
     row(
         "a disabled starter is stopped, and stays disabled",
@@ -395,12 +379,6 @@ STOPS = [
         },
     ),
 ]
-
-
-@pytest.fixture(autouse=True)
-def sound_disk() -> Iterator[None]:
-    yield
-    heal_disk()
 
 
 DISK = [
@@ -429,16 +407,13 @@ DISK = [
         at={15.0: [fail_disk, do("pump accept")], 18.0: heal_disk, 30.0: do("pump start")},
         then={19.0: result("accept failed not_kept"), 34.0: result("start confirmed ok")},
     ),
-    row(
+    scene(
         "with a damaged document of fingerprints every starter counts as new, and an event says so",
-        given=SITE,
-        at={10.0: ["end", with_document("fingerprints", '{"pump": 7}'), "start"]},
-        then={
-            20.0: [
-                event("memory_damaged", text=re.compile("of the fingerprints is damaged")),
-                never("starter/pump/event", code="identity_changed"),
-            ]
-        },
+        SITE,
+        {10.0: ["end", with_document("fingerprints", '{"pump": 7}'), "start"]},
+        20.0,
+        event("memory_damaged", text=re.compile("of the fingerprints is damaged")),
+        never("starter/pump/event", code="identity_changed"),
     ),
 ]
 
@@ -462,6 +437,4 @@ def some_expired(results: list[str]) -> str:
     return "" if ends[0] >= 25 and ends[1] >= 10 and sum(ends) == 52 else str(ends)
 
 
-@pytest.mark.parametrize("row", LIMITS + CLEARED + TAKING_BACK + DECIDED + STOPS + DISK)
-def test_a_command_that_is_hindered(row: ScenarioRow) -> None:
-    play(row)
+test_a_command_that_is_hindered = played(LIMITS + CLEARED + TAKING_BACK + DECIDED + STOPS + DISK)

@@ -5,20 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import pytest
-
-from tests.rig import (
-    ScenarioRow,
-    command,
-    fault,
-    frames,
-    msg,
-    never,
-    play,
-    result,
-    row,
-    seen,
-)
+from tests.rig import command, fault, frames, msg, never, played, result, row, seen
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, FOUR, QUICK, SITES, SSW07
 from tests.scenarios.commands import LostWrites, do
@@ -199,16 +186,6 @@ STANDING = [
 ]
 
 
-@pytest.mark.parametrize("row", ONCE)
-def test_a_write_is_made_once_and_believed_by_its_readings(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", NOT_SEEN)
-def test_a_start_that_is_not_seen_or_refused(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", STANDING)
-def test_a_run_command_that_stands_does_not_act(row: ScenarioRow) -> None:
-    play(row)
+test_a_write_is_made_once_and_believed_by_its_readings = played(ONCE)
+test_a_start_that_is_not_seen_or_refused = played(NOT_SEEN)
+test_a_run_command_that_stands_does_not_act = played(STANDING)

@@ -5,18 +5,15 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import pytest
-
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     event,
     fault,
     frames,
     msg,
     never,
-    play,
+    played,
     reload,
     result,
     results,
@@ -315,6 +312,4 @@ LOCKS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", RIGHTS + RULES + STEPS + LOCKS)
-def test_what_a_site_demands(row: ScenarioRow) -> None:
-    play(row)
+test_what_a_site_demands = played(RIGHTS + RULES + STEPS + LOCKS)

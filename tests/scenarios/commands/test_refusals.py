@@ -5,16 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-import pytest
-
-from tests.rig import (
-    ScenarioRow,
-    fault,
-    frames,
-    play,
-    result,
-    row,
-)
+from tests.rig import fault, frames, played, result, row
 from tests.rig.rows import Action
 from tests.rig.sites import ALICE, QUICK, SITES, SSW07, line, starter
 from tests.scenarios.commands import do
@@ -91,6 +82,4 @@ READINGS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", READINGS)
-def test_what_is_wrong_is_named_and_nothing_is_written(row: ScenarioRow) -> None:
-    play(row)
+test_what_is_wrong_is_named_and_nothing_is_written = played(READINGS)

@@ -5,9 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import pytest
-
-from tests.rig import ScenarioRow, clean_line, event, frames, msg, play, result, results, row, seen
+from tests.rig import clean_line, event, frames, msg, played, result, results, row, seen
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import ALICE, QUICK, SITES, SSW07
 from tests.scenarios.commands import confirmed, do
@@ -176,9 +174,9 @@ SST_ROWS = [  # COIL1 is coil 0 on the wire; a register is written in configurat
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", SSW07_ROWS + LOCAL_ROWS + SSW06_ROWS + SSW900_ROWS + SST_ROWS)
-def test_a_verb_writes_what_the_manual_prints_and_is_confirmed(row: ScenarioRow) -> None:
-    play(row)
+test_a_verb_writes_what_the_manual_prints_and_is_confirmed = played(
+    SSW07_ROWS + LOCAL_ROWS + SSW06_ROWS + SSW900_ROWS + SST_ROWS
+)
 
 
 def asked(name: str, words: str, args: dict[str, Any], *then: Expectation, at: Any = None, **sim: Any) -> Any:
@@ -258,6 +256,4 @@ READS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", READS)
-def test_parameters_are_read_and_set(row: ScenarioRow) -> None:
-    play(row)
+test_parameters_are_read_and_set = played(READS)

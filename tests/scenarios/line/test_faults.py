@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import pytest
-
 from gateway.sim.bus.faults import Late, Noisy, NoReply
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     clean_line,
     command,
     event,
@@ -15,10 +12,11 @@ from tests.rig import (
     frames,
     msg,
     never,
-    play,
+    played,
     publish,
     result,
     row,
+    scene,
     seen,
 )
 from tests.rig.rows import Action, Expectation
@@ -113,18 +111,15 @@ LOST = [
         at={3.0: command("pump/alice/start"), 3.05: fault("cut", "pump", count=2)},
         then={12.0: [result("start confirmed ok"), frames("pump", START_07)]},
     ),
-    row(
+    scene(
         "of corrupted frames in both directions no value, state or command comes out wrong",
-        given=FOUR,
-        at={3.1: lambda plant: plant.lines["pumps"].noise(0.001)},
-        then={
-            120.0: [
-                true_values,
-                states_only("ready", "not_ready", "unknown"),
-                *[frames(name) for name in ("pump", "fan", "mill", "belt")],
-                seen("gateway/line/pumps", garbled=...),
-            ]
-        },
+        FOUR,
+        {3.1: lambda plant: plant.lines["pumps"].noise(0.001)},
+        120.0,
+        true_values,
+        states_only("ready", "not_ready", "unknown"),
+        *[frames(name) for name in ("pump", "fan", "mill", "belt")],
+        seen("gateway/line/pumps", garbled=...),
     ),
 ]
 
@@ -200,37 +195,28 @@ NOISE = [
             12.0: [result("stop confirmed ok"), frames("pump", START_07, STOP_07)],
         },
     ),
-    row(
+    scene(
         "stray bytes between the frames are counted and dropped",
-        given=SSW07,
-        at={3.1: chatter(0.9, 20.0, "00")},
-        then={
-            60.0: [
-                never("starter/+/availability", since=3.1),
-                true_values,
-                lambda p: _counted(p, "stray_bytes"),
-            ]
-        },
+        SSW07,
+        {3.1: chatter(0.9, 20.0, "00")},
+        60.0,
+        never("starter/+/availability", since=3.1),
+        true_values,
+        lambda p: _counted(p, "stray_bytes"),
     ),
-    row(
+    scene(
         "an adapter that echoes is found out: starters are online, starts and stops are confirmed",
-        given=FOUR + ALICE,
-        sim={"pump": QUICK},
-        at={
+        FOUR + ALICE,
+        {
             0.001: "line pumps echo",
             4.0: command("pump/alice/start"),
             7.0: publish("command/pump/alice/stop", client="alice"),
         },
-        then={
-            12.0: [
-                *[
-                    msg(f"starter/{name}/availability", state="online")
-                    for name in ("pump", "fan", "mill", "belt")
-                ],
-                frames("pump", START_07, STOP_07),
-                result("stop confirmed ok"),
-            ]
-        },
+        12.0,
+        *[msg(f"starter/{name}/availability", state="online") for name in ("pump", "fan", "mill", "belt")],
+        frames("pump", START_07, STOP_07),
+        result("stop confirmed ok"),
+        sim={"pump": QUICK},
     ),
     row(
         "a device that sends without end keeps polls waiting, and is named; nothing wrong is read",
@@ -253,50 +239,38 @@ NOISE = [
 ]
 
 STRANGERS = [
-    row(
+    scene(
         "two starters with one address are named, once",
-        given=TWO,
-        at={5.0: twin(1)},
-        then={
-            60.0: [
-                seen("gateway/event", code="address_conflict", times=1),
-                never("starter/fan/availability", since=3.1),
-            ]
-        },
+        TWO,
+        {5.0: twin(1)},
+        60.0,
+        seen("gateway/event", code="address_conflict", times=1),
+        never("starter/fan/availability", since=3.1),
     ),
-    row(
+    scene(
         "a second master is named once, and what it reads of others is no value of a starter",
-        given=TWO,
-        at={5.0: chatter(0.45, 60.0, "03 02 51 23", unit=7)},
-        then={
-            60.0: [
-                seen("gateway/event", code="foreign_traffic", times=1),
-                true_values,
-                states_only("ready", "not_ready", "unknown"),
-            ]
-        },
+        TWO,
+        {5.0: chatter(0.45, 60.0, "03 02 51 23", unit=7)},
+        60.0,
+        seen("gateway/event", code="foreign_traffic", times=1),
+        true_values,
+        states_only("ready", "not_ready", "unknown"),
     ),
-    row(
+    scene(
         "replies of one starter that are late, lost or corrupted are no conflict of addresses",
-        given=TWO,
-        at={5.0: lambda plant: plant.lines["pumps"].bus.impair(1, InOrder(*[0.03] * 5))},
-        then={
-            120.0: [
-                never("gateway/event", code="address_conflict"),
-                never("gateway/event", code="foreign_traffic"),
-            ]
-        },
+        TWO,
+        {5.0: lambda plant: plant.lines["pumps"].bus.impair(1, InOrder(*[0.03] * 5))},
+        120.0,
+        never("gateway/event", code="address_conflict"),
+        never("gateway/event", code="foreign_traffic"),
     ),
-    row(
+    scene(
         "a starter that answers in another's name gives that one no value",
-        given=TWO,
-        at={5.0: [f"fan {RUNNING_07}", fault("impersonate", "fan", 1)]},
-        then={
-            60.0: [
-                states_only("ready", "not_ready", "unknown", name="pump"),
-                msg("starter/fan/availability", state="offline"),
-            ]
-        },
+        TWO,
+        {5.0: [f"fan {RUNNING_07}", fault("impersonate", "fan", 1)]},
+        60.0,
+        states_only("ready", "not_ready", "unknown", name="pump"),
+        msg("starter/fan/availability", state="offline"),
     ),
 ]
 
@@ -332,32 +306,26 @@ PORT = [
             120.0: [seen("gateway/event", code="port_deaf", times=1), opened(4)],  # ever less often
         },
     ),
-    row(
+    scene(
         "a port is not opened again while one starter answers",
-        given=TWO,
-        at={5.0: fault("silent", "pump")},
-        then={
-            60.0: [
-                opened(1),
-                never("gateway/event", code="port_deaf"),
-                never("starter/fan/availability", since=3.1),
-            ]
-        },
+        TWO,
+        {5.0: fault("silent", "pump")},
+        60.0,
+        opened(1),
+        never("gateway/event", code="port_deaf"),
+        never("starter/fan/availability", since=3.1),
     ),
-    row(
+    scene(
         "the way to a serial server is reset at once when a start is not answered, so it cannot act later",
-        given=SOCKET + ALICE,
-        at={2.0: delivers_late, 3.0: [without(5), command("pump/alice/start")]},
-        then={
-            10.0: [
-                opened(2),
-                never("result/pump/alice", phase="confirmed"),
-                never("gateway/event", code="port_away"),
-                asked_its_name(2),  # another starter may be behind the new connection
-                msg("starter/pump/state", quality="good"),
-                never("starter/+/availability", since=2.9, state="offline"),
-            ]
-        },
+        SOCKET + ALICE,
+        {2.0: delivers_late, 3.0: [without(5), command("pump/alice/start")]},
+        10.0,
+        opened(2),
+        never("result/pump/alice", phase="confirmed"),
+        never("gateway/event", code="port_away"),
+        asked_its_name(2),  # another starter may be behind the new connection
+        msg("starter/pump/state", quality="good"),
+        never("starter/+/availability", since=2.9, state="offline"),
     ),
     *(
         row(
@@ -411,19 +379,16 @@ REFUSED = [
 ]
 
 TOGETHER = [
-    row(
+    scene(
         f"where all goes wrong now and then no starter waits longer than three sweeps and 1 s, {words}",
-        given=site,
-        at={3.1: faults_together(0.025, seed)},
-        then={
-            45.0: [
-                asked_within_sweeps(3.0, 1.0, since=3.1, until=45.0),
-                asked_within(most_s, since=3.1, until=45.0),
-                true_values,
-                never("gateway/event", code="address_conflict"),
-                never("gateway/event", code="watchdog_unkept"),
-            ]
-        },
+        site,
+        {3.1: faults_together(0.025, seed)},
+        45.0,
+        asked_within_sweeps(3.0, 1.0, since=3.1, until=45.0),
+        asked_within(most_s, since=3.1, until=45.0),
+        true_values,
+        never("gateway/event", code="address_conflict"),
+        never("gateway/event", code="watchdog_unkept"),
     )
     for seed in range(1, 11)
     for words, site, most_s in (
@@ -444,6 +409,4 @@ def _counted(plant: RigPlant, what: str) -> str:
     return "" if plant.last("gateway/line/pumps")[what] else f"{what} is 0"
 
 
-@pytest.mark.parametrize("row", LOST + LATE + NOISE + STRANGERS + PORT + REFUSED + TOGETHER)
-def test_faults_of_a_line(row: ScenarioRow) -> None:
-    play(row)
+test_faults_of_a_line = played(LOST + LATE + NOISE + STRANGERS + PORT + REFUSED + TOGETHER)

@@ -9,7 +9,7 @@ import pytest
 from gateway.sim.bus.faults import NoReply
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
+    apart,
     clean_line,
     command,
     event,
@@ -17,10 +17,11 @@ from tests.rig import (
     frames,
     msg,
     never,
-    play,
+    played,
     reload,
     result,
     row,
+    scene,
     seen,
 )
 from tests.rig.rows import Expectation
@@ -92,17 +93,15 @@ OFFLINE = [
             ],
         },
     ),
-    row(
+    scene(
         "a starter that was never there is offline, and costs the others nothing",
-        given=TWO,
+        TWO,
+        {},
+        30.0,
+        msg("starter/pump/availability", state="offline"),
+        msg("starter/fan/availability", state="online"),
+        asked_within(1.1, "fan", since=5.0, until=30.0),
         absent=("pump",),
-        then={
-            30.0: [
-                msg("starter/pump/availability", state="offline"),
-                msg("starter/fan/availability", state="online"),
-                asked_within(1.1, "fan", since=5.0, until=30.0),
-            ]
-        },
     ),
     row(
         "of a group that lost its supply all are asked at once when the first answers",
@@ -155,53 +154,50 @@ WATCHDOGS = [
         at={10.0: lambda plant: plant.stand_still(5.0)},
         then={30.0: event("watchdog_unkept")},
     ),
-    row(
+    scene(
         "the line says how much its watchdogs need, and who was left longest",
-        given=WATCHED,
-        then={
-            40.0: msg(
-                "gateway/line/pumps",
-                watchdogs={"longest_share": pytest.approx(0.5, abs=0.15)},
-            )
-        },
+        WATCHED,
+        {},
+        40.0,
+        msg(
+            "gateway/line/pumps",
+            watchdogs={"longest_share": pytest.approx(0.5, abs=0.15)},
+        ),
     ),
 ]
 
 STATISTICS = [
-    row(
+    scene(
         "a line that is left alone counts answers and nothing else",
-        given=FOUR,
-        then={
-            65.0: [
-                line_says(silent=(0, 0), garbled=(0, 0), stray_bytes=(0, 0), utilisation=(0.1, 1.0)),
-                lambda plant: _adds_up(plant),
-                msg("gateway/line/pumps", is_open=True, stretch=1.0, crashes=0),
-            ]
-        },
+        FOUR,
+        {},
+        65.0,
+        line_says(silent=(0, 0), garbled=(0, 0), stray_bytes=(0, 0), utilisation=(0.1, 1.0)),
+        lambda plant: _adds_up(plant),
+        msg("gateway/line/pumps", is_open=True, stretch=1.0, crashes=0),
     ),
     row(
         "the line's statistics come every 30 s",
         given=SSW07,
-        then={100.0: lambda plant: _apart(plant, 29.0, 31.0)},
+        then={100.0: apart("gateway/line/pumps", 29.0, 31.0, since=35.0)},
     ),
-    row(
+    scene(
         "misses, refusals and late replies are counted for their starter",
-        given=EIGHT,
-        at={
+        EIGHT,
+        {
             10.0: [fault("lose", "pump-1", count=3), fault("silent", "pump-4")],
             11.0: [fault("refuse", "pump-2", 4, for_s=0.5), fault("delay", "pump-3", 0.2, count=1)],
         },
-        then={
-            65.0: msg(
-                "gateway/line/pumps",
-                units={
-                    "1": {"silent": 3, "late": 0, "state": "answering"},
-                    "2": {"silent": 0, "refused": pytest.approx(3, abs=2)},
-                    "3": {"late": 1, "response_time_s": {"p50": pytest.approx(0.0125, abs=0.007)}},
-                    "4": {"state": "silent"},
-                },
-            )
-        },
+        65.0,
+        msg(
+            "gateway/line/pumps",
+            units={
+                "1": {"silent": 3, "late": 0, "state": "answering"},
+                "2": {"silent": 0, "refused": pytest.approx(3, abs=2)},
+                "3": {"late": 1, "response_time_s": {"p50": pytest.approx(0.0125, abs=0.007)}},
+                "4": {"state": "silent"},
+            },
+        ),
     ),
     row(
         "a line that is asked without a pause is full, which is no event",
@@ -234,12 +230,4 @@ def _adds_up(plant: RigPlant) -> str:
     return "" if is_right else f"{asked} asked, {counted} counted: {said}"
 
 
-def _apart(plant: RigPlant, least_s: float, most_s: float) -> str:
-    times = [each.at_s for each in plant.messages("gateway/line/pumps", since=35.0)]
-    apart = [after - before for before, after in itertools.pairwise(times)]
-    return "" if apart and least_s < min(apart) and max(apart) < most_s else str(times)
-
-
-@pytest.mark.parametrize("row", OFFLINE + WATCHDOGS + STATISTICS)
-def test_a_line_and_its_starters(row: ScenarioRow) -> None:
-    play(row)
+test_a_line_and_its_starters = played(OFFLINE + WATCHDOGS + STATISTICS)

@@ -4,17 +4,14 @@ from __future__ import annotations
 
 from typing import Any
 
-import pytest
-
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     fault,
     frames,
     msg,
     never,
-    play,
+    played,
     publish,
     result,
     row,
@@ -60,10 +57,6 @@ def is_not_driven(plant: RigPlant) -> str:
     if not _written(plant, "pump"):
         return "no stop"
     return "it is driven" if plant.starter("pump").unit.motor.is_turned_on else ""
-
-
-def swapped(name: str, family: str) -> Action:
-    return lambda plant: plant.do(lambda: plant.line_of(name).swap(name, family))
 
 
 def case(
@@ -127,11 +120,9 @@ WRONG = [
         if found != family
     ),
     case("what a device proved to be is of no account once its port was lost",
-         {5.0: ["line pumps unplug", swapped("pump", "ssw07"), "line pumps plug", stop("pump")]}, 8.0,
+         {5.0: ["line pumps unplug", fault("swap", "pump", "ssw07"), "line pumps plug", stop("pump")]}, 8.0,
          CONFIRMED, frames("pump", STOP_07, since=5.0), given=SSW07, family="ssw06"),
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", SCENARIOS + WRONG)
-def test_words_of_a_stop(row: ScenarioRow) -> None:
-    play(row)
+test_words_of_a_stop = played(SCENARIOS + WRONG)

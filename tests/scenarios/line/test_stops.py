@@ -10,7 +10,6 @@ import pytest
 
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     clean_line,
     command,
     event,
@@ -18,7 +17,7 @@ from tests.rig import (
     frames,
     msg,
     never,
-    play,
+    played,
     publish,
     result,
     results,
@@ -231,6 +230,4 @@ GROUPS = [
 ]  # fmt: skip
 
 
-@pytest.mark.parametrize("row", SCENARIOS + GROUPS)
-def test_stops(row: ScenarioRow) -> None:
-    play(row)
+test_stops = played(SCENARIOS + GROUPS)

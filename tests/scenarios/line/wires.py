@@ -16,6 +16,7 @@ from gateway.sim.factory import make_unit
 from tests.rig import RigPlant
 from tests.rig.rows import Action, Expectation
 from tests.rig.sites import SSW07, line, starter
+from tests.scenarios.values.words import answers
 
 TWO = SSW07 + starter("fan", 2, "ssw07")
 EIGHT = line() + "".join(starter(f"pump-{n}", n, "ssw07") for n in range(1, 9))
@@ -112,11 +113,8 @@ def without(*functions: int) -> Callable[[RigPlant], object]:
     """Let no starter answer what is asked by these functions, as one that is too old or half broken."""
 
     def act(plant: RigPlant) -> None:
-        for each in plant.lines["pumps"].starters.values():
-            answer = each.unit.handle
-            each.unit.handle = (  # type: ignore[method-assign]
-                lambda pdu, now_s, answer=answer: None if pdu[0] in functions else answer(pdu, now_s)
-            )
+        for name in plant.lines["pumps"].starters:
+            answers(name, lambda pdu: None if pdu[0] in functions else b"")(plant)
 
     return act
 

@@ -5,14 +5,14 @@ from __future__ import annotations
 import itertools
 import json
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from datetime import UTC, datetime
 from typing import Any
 
 from jinja2.sandbox import ImmutableSandboxedEnvironment
 
 from gateway.sim.core.power import MotorData
-from tests.rig import RigPlant, WebAnswer, sparkplug
+from tests.rig import RigPlant, WebAnswer, sparkplug, that
 from tests.rig.rows import Action, Expectation, _unlike
 
 SLOW = {"motor": MotorData(ramp_up_s=5.0, full_voltage_s=0.2, ramp_down_s=0.4, coast_s=0.5)}
@@ -21,11 +21,6 @@ NODE = "spBv1.0/plant/{}/plant"
 
 
 _numbers = itertools.count()
-
-
-def that(found: Callable[[RigPlant], Any], wanted: Any = True) -> Expectation:
-    """What is found is this: a value, a pattern, `...`, or a mapping that has a part of it."""
-    return lambda plant: _unlike(found(plant), wanted)
 
 
 # The page

@@ -20,24 +20,25 @@ from gateway.store import read_history
 from gateway.store.database import Database
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     event,
     fault,
     frames,
     msg,
     never,
-    play,
+    played,
     reload,
     result,
     results,
     retained,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.rows import act
 from tests.rig.sites import ALICE, FOUR, QUICK, SSW06, SSW07, SSW900, operator, table
-from tests.scenarios.plugins.doors import BRISK, SLOW, that
+from tests.scenarios.plugins.doors import BRISK, SLOW
 
 LIMITED = SSW07 + table("line.starter.rules", starts_per_hour=2, minimum_pause_s=10) + ALICE
 ONE = "starter/pump/start"
@@ -85,49 +86,45 @@ def once(topic: str):  # type: ignore[no-untyped-def]
 
 STARTS = [
     *(
-        row(
+        scene(
             f"a start of {name} by a command is recorded with its cause, times and curve",
-            given=FOUR + ALICE,
+            FOUR + ALICE,
+            {3.0: command(f"{name}/alice/start", id="c1")},
+            19.0,
+            msg(
+                f"starter/{name}/start",
+                cause={"source": "command", "client": "alice", "command_id": "c1"},
+                outcome="full_voltage",
+                time=re.compile("2026-11-21T00:00:03"),
+                acceleration_s=pytest.approx(4.0 if name == "belt" else 5.0, abs=0.3),
+                resolution_s=pytest.approx(0.2, abs=0.15),
+                peak_a=pytest.approx(255.0 if name == "belt" else 298.0, rel=0.03),
+                i2t_a2s=pytest.approx(229_000.0 if name == "belt" else 380_000.0, rel=0.03),
+                samples={"t_s": ..., "current": ...},
+                qos=1,
+                retain=False,
+            ),
             sim={name: SLOW},
-            at={3.0: command(f"{name}/alice/start", id="c1")},
-            then={
-                19.0: msg(
-                    f"starter/{name}/start",
-                    cause={"source": "command", "client": "alice", "command_id": "c1"},
-                    outcome="full_voltage",
-                    time=re.compile("2026-11-21T00:00:03"),
-                    acceleration_s=pytest.approx(4.0 if name == "belt" else 5.0, abs=0.3),
-                    resolution_s=pytest.approx(0.2, abs=0.15),
-                    peak_a=pytest.approx(255.0 if name == "belt" else 298.0, rel=0.03),
-                    i2t_a2s=pytest.approx(229_000.0 if name == "belt" else 380_000.0, rel=0.03),
-                    samples={"t_s": ..., "current": ...},
-                    qos=1,
-                    retain=False,
-                )
-            },
         )
         for name in ("pump", "fan", "mill", "belt")
     ),
-    row(
+    scene(
         "an SSW900's own maximum, mean and time of the start stand beside ours, and the start's samples",
-        given=SSW900 + ALICE,
+        SSW900 + ALICE,
+        {3.0: command("mill/alice/start")},
+        18.0,
+        samples,
+        msg(
+            "starter/mill/start",
+            standstill_s=pytest.approx(3, abs=1),
+            rate_hz=pytest.approx(4, abs=1.2),
+            own={
+                "D4.1.1": {"value": pytest.approx(298.0, rel=0.03), "unit": "A", "name": ...},
+                "D4.1.2": {"value": pytest.approx(275.0, rel=0.1), "unit": "A", "name": ...},
+                "D4.2.2": {"value": pytest.approx(5.0, abs=1.0), "unit": "s", "name": ...},
+            },
+        ),
         sim={"mill": SLOW},
-        at={3.0: command("mill/alice/start")},
-        then={
-            18.0: [
-                samples,
-                msg(
-                    "starter/mill/start",
-                    standstill_s=pytest.approx(3, abs=1),
-                    rate_hz=pytest.approx(4, abs=1.2),
-                    own={
-                        "D4.1.1": {"value": pytest.approx(298.0, rel=0.03), "unit": "A", "name": ...},
-                        "D4.1.2": {"value": pytest.approx(275.0, rel=0.1), "unit": "A", "name": ...},
-                        "D4.2.2": {"value": pytest.approx(5.0, abs=1.0), "unit": "s", "name": ...},
-                    },
-                ),
-            ],
-        },
     ),
     row(
         "an end of the gateway gives up the start under way",
@@ -143,61 +140,50 @@ STARTS = [
         at={3.0: command("pump/alice/start"), 5.0: "kill", 5.5: "start"},
         then={20.0: [seen(ONE, times=1, outcome="full_voltage"), msg(VALUE + "starts_total", value=1)]},
     ),
-    row(
+    scene(
         "a starter that was silent during its start at the keypad has a record of it, as local",
-        given=SSW07 + ALICE,
-        sim={"pump": SLOW},
-        at={
+        SSW07 + ALICE,
+        {
             3.0: [fault("silent", "pump"), "pump control local"],
             4.0: "pump keypad start",
             30.0: fault("heal", "pump"),
         },
-        then={
-            60.0: [
-                seen(ONE, times=1, cause={"source": "local"}),
-                msg(VALUE + "starts_total", value=1, quality="good"),
-            ]
-        },
+        60.0,
+        seen(ONE, times=1, cause={"source": "local"}),
+        msg(VALUE + "starts_total", value=1, quality="good"),
+        sim={"pump": SLOW},
     ),
 ]
 
 DELIVERY = [
-    row(
+    scene(
         "what was not acknowledged before a kill the next run publishes word for word",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={
+        SSW07 + ALICE,
+        {
             3.0: command("pump/alice/start"),
             5.0: "broker down",
             14.0: "pump trip E05",
             34.0: ["kill", "broker up", "start"],
         },
-        then={
-            50.0: [
-                once(ONE),
-                msg(ONE, outcome="full_voltage", time=re.compile("T00:00:03")),
-                once("starter/pump/trip"),
-                msg(
-                    "starter/pump/trip", code="e05", state_before="running", time=re.compile("T00:00:1[456]")
-                ),
-            ]
-        },
-    ),
-    row(
-        "a damaged file is set aside, said, and a new one counts from 0",
-        given=SSW07 + ALICE,
+        50.0,
+        once(ONE),
+        msg(ONE, outcome="full_voltage", time=re.compile("T00:00:03")),
+        once("starter/pump/trip"),
+        msg("starter/pump/trip", code="e05", state_before="running", time=re.compile("T00:00:1[456]")),
         sim={"pump": QUICK},
-        at={
+    ),
+    scene(
+        "a damaged file is set aside, said, and a new one counts from 0",
+        SSW07 + ALICE,
+        {
             3.0: command("pump/alice/start"),
             14.0: ["kill", lambda plant: damage(plant), "start"],
         },
-        then={
-            20.0: [
-                event("history_lost"),
-                msg(VALUE + "starts_total", value=0),
-                msg("gateway/status", state="online"),
-            ]
-        },
+        20.0,
+        event("history_lost"),
+        msg(VALUE + "starts_total", value=0),
+        msg("gateway/status", state="online"),
+        sim={"pump": QUICK},
     ),
     row(
         "a kill takes at most ten minutes of hours, an orderly end none",
@@ -253,17 +239,14 @@ BASELINE = [
             ],
         },
     ),
-    row(
+    scene(
         "without a good start there is no baseline to choose, nor without the right",
-        given=SSW07 + ALICE + operator("bob", may=("start",)),
-        at={3.0: command("pump/alice/baseline"), 4.0: command("pump/bob/baseline")},
-        then={
-            5.0: [
-                results("baseline accepted ok", "baseline rejected no_start", client="alice"),
-                results("baseline rejected not_allowed", client="bob"),
-                frames("pump"),
-            ]
-        },
+        SSW07 + ALICE + operator("bob", may=("start",)),
+        {3.0: command("pump/alice/baseline"), 4.0: command("pump/bob/baseline")},
+        5.0,
+        results("baseline accepted ok", "baseline rejected no_start", client="alice"),
+        results("baseline rejected not_allowed", client="bob"),
+        frames("pump"),
     ),
     row(
         "a start that is not among the last twenty is no baseline",
@@ -321,13 +304,12 @@ TRIPS = [
         at={15.0: "pump trip E05", 16.0: "pump power off"},
         then={40.0: msg("starter/pump/trip", code="e05", state_before="ready")},
     ),
-    row(
+    scene(
         "a step of the wall clock moves nothing within a record",
-        given=SSW07,
-        at={10.0: lambda plant: setattr(plant.world, "stepped_s", -7200.0), 15.0: "pump trip E05"},
-        then={
-            35.0: that(lambda plant: -16 < plant.last("starter/pump/trip")["readings"]["t_s"][0] < -13),
-        },
+        SSW07,
+        {10.0: lambda plant: setattr(plant.world, "stepped_s", -7200.0), 15.0: "pump trip E05"},
+        35.0,
+        that(lambda plant: -16 < plant.last("starter/pump/trip")["readings"]["t_s"][0] < -13),
     ),
     row(
         "a trip that was published was counted, whatever is killed then",
@@ -394,21 +376,18 @@ COUNTERS = [
             ],
         },
     ),
-    row(
+    scene(
         "counters of a silent starter are stale and stand still, and a step of the wall clock adds no hours",
-        given=SSW07 + ALICE,
-        sim={"pump": QUICK},
-        at={
+        SSW07 + ALICE,
+        {
             3.0: command("pump/alice/start"),
             10.0: lambda plant: setattr(plant.world, "stepped_s", 86400.0),
             90.0: fault("silent", "pump"),
         },
-        then={
-            150.0: [
-                msg(VALUE + "hours_total", quality="stale", value=pytest.approx(85 / 3600, abs=0.003)),
-                msg(VALUE + "starts_total", quality="stale", value=1),
-            ]
-        },
+        150.0,
+        msg(VALUE + "hours_total", quality="stale", value=pytest.approx(85 / 3600, abs=0.003)),
+        msg(VALUE + "starts_total", quality="stale", value=1),
+        sim={"pump": QUICK},
     ),
     row(
         "the starts that are left count down, and the last but one is an event",
@@ -430,21 +409,18 @@ COUNTERS = [
             ],
         },
     ),
-    row(
+    scene(
         "energy is the motor's where the starter gives its power, and is published once a minute",
-        given=SSW06 + ALICE,
+        SSW06 + ALICE,
+        {10.0: command("fan/alice/start")},
+        200.0,
+        msg(
+            "starter/fan/value/energy_kwh",
+            value=pytest.approx(33.5 * 180 / 3600, rel=0.1),
+            unit="kWh",
+        ),
+        that(lambda plant: len(plant.messages("starter/fan/value/energy_kwh", since=12.0)) <= 4),
         sim={"fan": QUICK},
-        at={10.0: command("fan/alice/start")},
-        then={
-            200.0: [
-                msg(
-                    "starter/fan/value/energy_kwh",
-                    value=pytest.approx(33.5 * 180 / 3600, rel=0.1),
-                    unit="kWh",
-                ),
-                that(lambda plant: len(plant.messages("starter/fan/value/energy_kwh", since=12.0)) <= 4),
-            ]
-        },
     ),
     row(
         "an SSW900's own counter of starts wins, and the pause that it demands counts",
@@ -476,14 +452,8 @@ COUNTERS = [
 ]
 
 
-@pytest.mark.parametrize("row", STARTS + DELIVERY + TRIPS + COUNTERS)
-def test_history(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", BASELINE)
-def test_baseline_and_drift(row: ScenarioRow) -> None:
-    play(row)
+test_history = played(STARTS + DELIVERY + TRIPS + COUNTERS)
+test_baseline_and_drift = played(BASELINE)
 
 
 @pytest.fixture

@@ -5,30 +5,29 @@ from __future__ import annotations
 import re
 from typing import Any
 
-import pytest
-
 from gateway.plugins.homeassistant.entities import GATEWAY_IS_ON
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     fault,
     frames,
     msg,
     never,
-    play,
+    played,
     publish,
     reload,
     result,
     results,
     retained,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, HOME_ASSISTANT, QUICK, SSW07, operator, starter
 from tests.rig.state import with_document
-from tests.scenarios.plugins.doors import device, entity, press, shown, that
+from tests.scenarios.plugins.doors import device, entity, press, shown
 
 RIGHTS = operator("ha", ("stop", "start", "reset"))
 BUTTONS = HOME_ASSISTANT + 'operator = "ha"\ncommands = true\n'
@@ -65,75 +64,61 @@ def one(key: str, name: str = "pump", **fields: Any) -> Expectation:
 
 
 DISCOVERY = [
-    row(
+    scene(
         "each starter is a device that belongs to the gateway's, named and made as it says",
-        given=FOUR + RIGHTS + BUTTONS,
-        then={
-            5.0: [
-                retained(
-                    device(""),
-                    device={"identifiers": ["sg_plant"]},
-                    origin={"name": "starter-gateway"},
-                    qos=1,
-                ),
-                retained(
-                    device("pump"),
-                    device={
-                        "name": "pump",
-                        "manufacturer": "WEG",
-                        "via_device": "sg_plant",
-                        "sw_version": "1.40",
-                    },
-                ),
-                retained(device("belt"), device={"manufacturer": "Intecma"}),
-                entities("", "status", "boot", "line_pumps"),
-            ]
-        },
+        FOUR + RIGHTS + BUTTONS,
+        {},
+        5.0,
+        retained(
+            device(""),
+            device={"identifiers": ["sg_plant"]},
+            origin={"name": "starter-gateway"},
+            qos=1,
+        ),
+        retained(
+            device("pump"),
+            device={
+                "name": "pump",
+                "manufacturer": "WEG",
+                "via_device": "sg_plant",
+                "sw_version": "1.40",
+            },
+        ),
+        retained(device("belt"), device={"manufacturer": "Intecma"}),
+        entities("", "status", "boot", "line_pumps"),
     ),
-    row(
+    scene(
         "each device has what its family can fill",
-        given=FOUR + RIGHTS + BUTTONS,
-        then={
-            5.0: [
-                *(
-                    entities(
-                        name, "state", "running", "fault", "remote", "online", "current", "trouble", "result"
-                    )
-                    for name in ("pump", "fan", "mill", "belt")
-                ),
-                entities(
-                    "pump", "fault_code", "thermal_load", "starts_total", missing=("alarm", "torque_pct")
-                ),
-                entities(
-                    "fan", "alarm", "active_power", "energy_kwh", missing=("line_voltage", "thermal_load")
-                ),
-                entities("mill", "alarm", "torque_pct", "power_factor", "output_voltage", "energy_kwh"),
-                entities(
-                    "belt", "line_voltage", "heatsink_temperature", missing=("current_pct", "energy_kwh")
-                ),
-            ]
-        },
+        FOUR + RIGHTS + BUTTONS,
+        {},
+        5.0,
+        *(
+            entities(name, "state", "running", "fault", "remote", "online", "current", "trouble", "result")
+            for name in ("pump", "fan", "mill", "belt")
+        ),
+        entities("pump", "fault_code", "thermal_load", "starts_total", missing=("alarm", "torque_pct")),
+        entities("fan", "alarm", "active_power", "energy_kwh", missing=("line_voltage", "thermal_load")),
+        entities("mill", "alarm", "torque_pct", "power_factor", "output_voltage", "energy_kwh"),
+        entities("belt", "line_voltage", "heatsink_temperature", missing=("current_pct", "energy_kwh")),
     ),
-    row(
+    scene(
         "units and classes are those that Home Assistant knows",
-        given=FOUR + RIGHTS + BUTTONS,
-        then={
-            5.0: [
-                one("current", unit_of_measurement="A", device_class="current", state_class="measurement"),
-                one("energy_kwh", "mill", unit_of_measurement="kWh", state_class="total_increasing"),
-                one("fault", platform="binary_sensor", device_class="problem"),
-                one(
-                    "online",
-                    platform="binary_sensor",
-                    device_class="connectivity",
-                    entity_category="diagnostic",
-                ),
-                one("start", platform="button", qos=0, retain=False, enabled_by_default=False),
-                one("stop", platform="button", qos=1, retain=False),
-                one("state", unique_id="sg_plant_pump_Estate", default_entity_id="sensor.plant_pump_state"),
-                one("remote", enabled_by_default=False),
-            ]
-        },
+        FOUR + RIGHTS + BUTTONS,
+        {},
+        5.0,
+        one("current", unit_of_measurement="A", device_class="current", state_class="measurement"),
+        one("energy_kwh", "mill", unit_of_measurement="kWh", state_class="total_increasing"),
+        one("fault", platform="binary_sensor", device_class="problem"),
+        one(
+            "online",
+            platform="binary_sensor",
+            device_class="connectivity",
+            entity_category="diagnostic",
+        ),
+        one("start", platform="button", qos=0, retain=False, enabled_by_default=False),
+        one("stop", platform="button", qos=1, retain=False),
+        one("state", unique_id="sg_plant_pump_Estate", default_entity_id="sensor.plant_pump_state"),
+        one("remote", enabled_by_default=False),
     ),
     *(
         row(f"{what} has these buttons: {there}", given=given, then={5.0: buttons(there)})
@@ -157,17 +142,17 @@ DISCOVERY = [
             ),
         )
     ),
-    row(
+    scene(
         "prefix and page are those of the configuration",
-        given=SSW07
+        SSW07
         + HOME_ASSISTANT
         + 'discovery_prefix = "homeassistant/plant"\npage_url = "https://mcc1.plant:8480/"\n',
-        then={
-            5.0: retained(
-                "homeassistant/plant/device/sg_plant_pump/config",
-                device={"configuration_url": re.compile("https://mcc1.plant:8480/")},
-            )
-        },
+        {},
+        5.0,
+        retained(
+            "homeassistant/plant/device/sg_plant_pump/config",
+            device={"configuration_url": re.compile("https://mcc1.plant:8480/")},
+        ),
     ),
     row(
         "a starter that is never there is announced all the same, and unavailable",
@@ -200,21 +185,18 @@ SHOWN = [
             25.1: [shown("state", "unavailable"), shown("online", "unavailable")],
         },
     ),
-    row(
+    scene(
         "a silent starter is unavailable but for its stop, its results and whether it is there",
-        given=HOME,
-        at={5.0: fault("silent", "pump")},
-        then={
-            20.0: [
-                shown("state", "unavailable"),
-                shown("current", "unavailable"),
-                shown("online", "offline"),
-                that(
-                    lambda plant: [entity(plant, key)["availability"] for key in ("stop", "result")],
-                    2 * [[{"topic": "starters/plant/gateway/status", "value_template": GATEWAY_IS_ON}]],
-                ),
-            ]
-        },
+        HOME,
+        {5.0: fault("silent", "pump")},
+        20.0,
+        shown("state", "unavailable"),
+        shown("current", "unavailable"),
+        shown("online", "offline"),
+        that(
+            lambda plant: [entity(plant, key)["availability"] for key in ("stop", "result")],
+            2 * [[{"topic": "starters/plant/gateway/status", "value_template": GATEWAY_IS_ON}]],
+        ),
     ),
 ]
 
@@ -322,26 +304,17 @@ REMOVAL = [
         },
         then={24.0: retained(device("pump")), 35.0: retained(device("pump"), components=...)},
     ),
-    row(
+    scene(
         "nothing is said again while nothing changes",
-        given=SSW07 + HOME_ASSISTANT + ALICE,
+        SSW07 + HOME_ASSISTANT + ALICE,
+        {10.0: command("pump/alice/start")},
+        40.0,
+        never(device("pump"), since=5.0),
+        results("start accepted ok", "start written ok", "start confirmed ok"),
         sim={"pump": QUICK},
-        at={10.0: command("pump/alice/start")},
-        then={
-            40.0: [
-                never(device("pump"), since=5.0),
-                results("start accepted ok", "start written ok", "start confirmed ok"),
-            ]
-        },
     ),
 ]
 
 
-@pytest.mark.parametrize("row", DISCOVERY + SHOWN + REMOVAL)
-def test_what_home_assistant_shows(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", PRESSES)
-def test_a_press_of_a_button(row: ScenarioRow) -> None:
-    play(row)
+test_what_home_assistant_shows = played(DISCOVERY + SHOWN + REMOVAL)
+test_a_press_of_a_button = played(PRESSES)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.rig import RigPlant, ScenarioRow, command, fault, play, reload, row
+from tests.rig import RigPlant, command, fault, played, reload, row, scene
 from tests.rig.sites import ALICE, FOUR, METRICS, QUICK, SSW07, WEB
 from tests.scenarios.plugins.doors import answer, sample, samples
 
@@ -81,16 +81,13 @@ SERIES = [
             ],
         },
     ),
-    row(
+    scene(
         "the number of a fault that is over is not that of a fault",
-        given=SCRAPED,
-        at={5.0: "pump P014 = 5"},
-        then={
-            40.0: [
-                sample("starter_fault_active", 0.0, **PUMP),
-                sample("starter_fault_code", None, **PUMP),
-            ]
-        },
+        SCRAPED,
+        {5.0: "pump P014 = 5"},
+        40.0,
+        sample("starter_fault_active", 0.0, **PUMP),
+        sample("starter_fault_code", None, **PUMP),
     ),
     row(
         "verbs that clients invent make one series",
@@ -158,33 +155,26 @@ SERIES = [
             ],
         },
     ),
-    row(
+    scene(
         "a disabled starter has its info and nothing else",
-        given=SSW07 + "enabled = false\n" + WEB + METRICS,
-        then={
-            5.0: [
-                sample("starter_info", 1.0, **PUMP),
-                sample("starter_online", None),
-                sample("starts_total", None),
-            ],
-        },
+        SSW07 + "enabled = false\n" + WEB + METRICS,
+        {},
+        5.0,
+        sample("starter_info", 1.0, **PUMP),
+        sample("starter_online", None),
+        sample("starts_total", None),
     ),
-    row(
+    scene(
         "units are base units",
-        given=FOUR + ALICE + WEB + METRICS,
+        FOUR + ALICE + WEB + METRICS,
+        {3.0: command("mill/alice/start")},
+        15.0,
+        sample("motor_active_power_watts", pytest.approx(33500, rel=0.1), starter="mill", line="pumps"),
+        sample("motor_line_voltage_volts", pytest.approx(400, abs=9), starter="mill"),
+        sample("motor_power_factor_ratio", pytest.approx(0.79, abs=0.02), starter="mill"),
+        sample("motor_frequency_hertz", 50.0, starter="mill"),
+        sample("motor_heatsink_celsius", pytest.approx(25, abs=2), starter="mill"),
         sim={"mill": QUICK},
-        at={3.0: command("mill/alice/start")},
-        then={
-            15.0: [
-                sample(
-                    "motor_active_power_watts", pytest.approx(33500, rel=0.1), starter="mill", line="pumps"
-                ),
-                sample("motor_line_voltage_volts", pytest.approx(400, abs=9), starter="mill"),
-                sample("motor_power_factor_ratio", pytest.approx(0.79, abs=0.02), starter="mill"),
-                sample("motor_frequency_hertz", 50.0, starter="mill"),
-                sample("motor_heatsink_celsius", pytest.approx(25, abs=2), starter="mill"),
-            ]
-        },
     ),
     row(
         "other points are there with all_points only, in their own units",
@@ -247,9 +237,7 @@ SERIES = [
 ]
 
 
-@pytest.mark.parametrize("row", SERIES)
-def test_a_scrape(row: ScenarioRow) -> None:
-    play(row)
+test_a_scrape = played(SERIES)
 
 
 def test_the_text_file_is_replaced_as_a_whole_and_removed_at_an_orderly_end() -> None:

@@ -15,17 +15,18 @@ import pytest
 from gateway.plugins.web import diagnosis
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     command,
     event,
     frames,
     msg,
-    play,
+    played,
     reload,
     results,
     retained,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.rows import Expectation
 from tests.rig.sites import (
@@ -45,7 +46,7 @@ from tests.rig.sites import (
     table,
 )
 from tests.rig.web import NoSocket, WebBrowser
-from tests.scenarios.plugins.doors import SLOW, answer, born, device, log_in, phases, pressed, that
+from tests.scenarios.plugins.doors import SLOW, answer, born, device, log_in, phases, pressed
 
 PAGE = SSW07 + ALICE + WEB + LOGIN
 LOOKER = SSW07 + operator("alice", ("stop", "read")) + WEB + LOGIN
@@ -77,40 +78,35 @@ def action(verb: str, **fields: Any) -> Expectation:
 
 
 SESSIONS = [
-    row(
+    scene(
         "without a login the page shows everything and does nothing",
-        given=PAGE,
-        then={
-            5.0: [
-                answer("/api/v1/state", session={"user": None, "csrf": None, "logins": True}),
-                answer(
-                    "/api/v1/state",
-                    starters={"pump": {"address": 1, "family": "ssw07", "title": "pump"}},
-                ),
-                answer(TO + "stop", 401, post={}, error="login"),
-                action("stop", permitted=False, code="login"),
-                answer("/api/v1/diagnostics.json", 401, error="login"),
-                answer("/api/v1/acknowledge/pump/e05", 401, post={}, error="login"),
-                frames("pump"),
-            ]
-        },
+        PAGE,
+        {},
+        5.0,
+        answer("/api/v1/state", session={"user": None, "csrf": None, "logins": True}),
+        answer(
+            "/api/v1/state",
+            starters={"pump": {"address": 1, "family": "ssw07", "title": "pump"}},
+        ),
+        answer(TO + "stop", 401, post={}, error="login"),
+        action("stop", permitted=False, code="login"),
+        answer("/api/v1/diagnostics.json", 401, error="login"),
+        answer("/api/v1/acknowledge/pump/e05", 401, post={}, error="login"),
+        frames("pump"),
     ),
-    row(
+    scene(
         "a login has its operator's name and rights, a cookie and a token against forgery",
-        given=PAGE,
-        at={5.0: log_in()},
-        then={
-            5.1: [
-                answer(
-                    "/api/v1/state",
-                    session={"user": "anna", "client": "alice", "csrf": re.compile("."), "idle_s": 1800},
-                ),
-                action("stop", permitted=True, code=""),
-                action("start", permitted=True, two_step=False),
-                msg("audit", verb="login", client="alice", operator="anna", source="web"),
-                that(lambda plant: "right" in str(plant.messages("audit")[-1]), False),  # the password
-            ]
-        },
+        PAGE,
+        {5.0: log_in()},
+        5.1,
+        answer(
+            "/api/v1/state",
+            session={"user": "anna", "client": "alice", "csrf": re.compile("."), "idle_s": 1800},
+        ),
+        action("stop", permitted=True, code=""),
+        action("start", permitted=True, two_step=False),
+        msg("audit", verb="login", client="alice", operator="anna", source="web"),
+        that(lambda plant: "right" in str(plant.messages("audit")[-1]), False),  # the password
     ),
     *(
         row(
@@ -150,42 +146,36 @@ SESSIONS = [
 ]
 
 REQUESTS = [
-    row(
+    scene(
         "a POST of another page, with another token, name of the machine or two lengths does nothing",
-        given=PAGE,
-        at={5.0: log_in()},
-        then={
-            5.1: [
-                *(
-                    answer(TO + "stop", status, post={}, headers=headers, error=error)
-                    for status, error, headers in (
-                        (403, "cross_site", {"origin": "http://evil.example"}),
-                        (403, "csrf", {"x_csrf_token": "guess"}),
-                        (421, "host", {"host": "evil.example"}),
-                        (400, "two_lengths", {"transfer_encoding": "chunked"}),
-                    )
-                ),
-                frames("pump"),
-                results(),
-            ]
-        },
+        PAGE,
+        {5.0: log_in()},
+        5.1,
+        *(
+            answer(TO + "stop", status, post={}, headers=headers, error=error)
+            for status, error, headers in (
+                (403, "cross_site", {"origin": "http://evil.example"}),
+                (403, "csrf", {"x_csrf_token": "guess"}),
+                (421, "host", {"host": "evil.example"}),
+                (400, "two_lengths", {"transfer_encoding": "chunked"}),
+            )
+        ),
+        frames("pump"),
+        results(),
     ),
-    row(
+    scene(
         "what is not there, not allowed or too big has its own answer",
-        given=PAGE,
-        at={4.0: log_in()},
-        then={
-            5.0: [
-                answer("/nothing", 404, error="not_found"),
-                answer("/api/v1/starter/absent", 404, error="not_found"),
-                answer("/static/../site.toml", 404, error="not_found"),
-                answer("/api/v1/login", 405),
-                answer(TO + "stop", 413, post=b"{" + b" " * 5000 + b"}", error="too_big"),
-                answer("/api/v1/login", 400, post=b"[1", error="bad_json"),
-                answer("/api/v1/state", 431, headers={"x_long": "a" * 8192}, error="too_big"),
-                phases("fly", "rejected unknown_verb"),
-            ]
-        },
+        PAGE,
+        {4.0: log_in()},
+        5.0,
+        answer("/nothing", 404, error="not_found"),
+        answer("/api/v1/starter/absent", 404, error="not_found"),
+        answer("/static/../site.toml", 404, error="not_found"),
+        answer("/api/v1/login", 405),
+        answer(TO + "stop", 413, post=b"{" + b" " * 5000 + b"}", error="too_big"),
+        answer("/api/v1/login", 400, post=b"[1", error="bad_json"),
+        answer("/api/v1/state", 431, headers={"x_long": "a" * 8192}, error="too_big"),
+        phases("fly", "rejected unknown_verb"),
     ),
     row(
         "a starter's page has its facts and its last 20 commands until a reload takes the starter away",
@@ -212,22 +202,21 @@ REQUESTS = [
             15.0: that(lambda plant: shown(plant, "commands"), []),
         },
     ),
-    row(
+    scene(
         "its history has the records of starts and trips, and when they were",
-        given=PAGE,
+        PAGE,
+        {3.0: command("pump/alice/start"), 15.0: "pump trip E05"},
+        40.0,
+        that(
+            lambda plant: [
+                (said[kind][-1]["id"], said[kind][-1]["time"])
+                == (plant.last(f"starter/pump/{kind[:-1]}")["id"], said[times][-1])
+                for said in [plant.get("/api/v1/starter/pump/history").json]
+                for kind, times in (("starts", "started"), ("trips", "tripped"))
+            ],
+            [True, True],
+        ),
         sim={"pump": QUICK},
-        at={3.0: command("pump/alice/start"), 15.0: "pump trip E05"},
-        then={
-            40.0: that(
-                lambda plant: [
-                    (said[kind][-1]["id"], said[kind][-1]["time"])
-                    == (plant.last(f"starter/pump/{kind[:-1]}")["id"], said[times][-1])
-                    for said in [plant.get("/api/v1/starter/pump/history").json]
-                    for kind, times in (("starts", "started"), ("trips", "tripped"))
-                ],
-                [True, True],
-            )
-        },
     ),
     row(
         "values over ten minutes and eight hours are there for every point that is a number",
@@ -248,84 +237,74 @@ REQUESTS = [
             ],
         },
     ),
-    row(
+    scene(
         "its parameters have limits, labels and why one cannot be set, and are read by their codes",
-        given=PAGE,
-        at={5.0: log_in()},
-        then={
-            5.1: [
-                that(
-                    lambda plant: {
-                        each["code"]: each
-                        for each in plant.get("/api/v1/starter/pump/parameters").json["rows"]
-                    },
-                    {
-                        "P314": {"writable": True, "unit": "s", "least": 0, "most": 999},
-                        "P313": {"labels": {"0": re.compile(".")}},
-                        "P003": {"writable": False, "why_not": re.compile(".")},
-                    },
-                ),
-                phases("read", "accepted ok", "confirmed ok", args={"parameters": ["P003", "P314"]}),
-            ]
-        },
+        PAGE,
+        {5.0: log_in()},
+        5.1,
+        that(
+            lambda plant: {
+                each["code"]: each for each in plant.get("/api/v1/starter/pump/parameters").json["rows"]
+            },
+            {
+                "P314": {"writable": True, "unit": "s", "least": 0, "most": 999},
+                "P313": {"labels": {"0": re.compile(".")}},
+                "P003": {"writable": False, "why_not": re.compile(".")},
+            },
+        ),
+        phases("read", "accepted ok", "confirmed ok", args={"parameters": ["P003", "P314"]}),
     ),
-    row(
+    scene(
         "a title is the name for people: on the page, in Home Assistant, in Sparkplug, on a report",
-        given=line(title="Hall 2")
+        line(title="Hall 2")
         + starter("pump", 1, "ssw07", title="Cooling water 1")
         + table("[group]", name="all", title="Everything", starters=["*"])
         + WEB
         + HOME_ASSISTANT
         + SPARKPLUG,
-        then={
-            8.0: [
-                answer(
-                    "/api/v1/state",
-                    starters={"pump": {"title": "Cooling water 1", "kind": "WEG SSW-07/SSW-08"}},
-                    lines={"pumps": {"title": "Hall 2"}},
-                    groups={"all": {"title": "Everything", "starters": ["pump"]}},
-                ),
-                retained(device(), device={"name": "Cooling water 1"}),
-                msg(born("DBIRTH", "pump"), metrics={"Properties/Title": "Cooling water 1"}),
-                that(
-                    lambda plant: plant.cli("report", "CONFIG", "pump").out,
-                    re.compile(r"Cooling water 1 \(pump\)"),
-                ),
-            ]
-        },
+        {},
+        8.0,
+        answer(
+            "/api/v1/state",
+            starters={"pump": {"title": "Cooling water 1", "kind": "WEG SSW-07/SSW-08"}},
+            lines={"pumps": {"title": "Hall 2"}},
+            groups={"all": {"title": "Everything", "starters": ["pump"]}},
+        ),
+        retained(device(), device={"name": "Cooling water 1"}),
+        msg(born("DBIRTH", "pump"), metrics={"Properties/Title": "Cooling water 1"}),
+        that(
+            lambda plant: plant.cli("report", "CONFIG", "pump").out,
+            re.compile(r"Cooling water 1 \(pump\)"),
+        ),
     ),
-    row(
+    scene(
         "events and audit entries can be had as a table",
-        given=PAGE,
-        at={3.0: command("pump/alice/stop", id="s1")},
-        then={
-            5.0: [
-                that(
-                    lambda plant: plant.get("/api/v1/events.csv").text,
-                    re.compile(r"(?s)\breadiness\b.*\bstop\b"),
-                ),
-                that(
-                    lambda plant: len(
-                        {len(line) for line in csv.reader(plant.get("/api/v1/events.csv").text.splitlines())}
-                    ),
-                    1,
-                ),
-            ]
-        },
+        PAGE,
+        {3.0: command("pump/alice/stop", id="s1")},
+        5.0,
+        that(
+            lambda plant: plant.get("/api/v1/events.csv").text,
+            re.compile(r"(?s)\breadiness\b.*\bstop\b"),
+        ),
+        that(
+            lambda plant: len(
+                {len(line) for line in csv.reader(plant.get("/api/v1/events.csv").text.splitlines())}
+            ),
+            1,
+        ),
     ),
-    row(
+    scene(
         "what a bug report needs has no secrets in it",
-        given=PAGE,
-        at={5.0: log_in()},
-        then={
-            5.1: that(
-                lambda plant: [
-                    text in plant.get("/api/v1/diagnostics.json").text.replace(" ", "")
-                    for text in ("scrypt", "(leftout)", '"pump"', '"gateway/status":{"state":')
-                ],
-                [False, True, True, True],
-            )
-        },
+        PAGE,
+        {5.0: log_in()},
+        5.1,
+        that(
+            lambda plant: [
+                text in plant.get("/api/v1/diagnostics.json").text.replace(" ", "")
+                for text in ("scrypt", "(leftout)", '"pump"', '"gateway/status":{"state":')
+            ],
+            [False, True, True, True],
+        ),
     ),
     row(
         "the page is switched on and changed by reloads, and without users it is read-only",
@@ -381,65 +360,55 @@ COMMANDS = [
             30.0: answer("/health", lines={"pumps": True}, broker=False),
         },
     ),
-    row(
+    scene(
         "a stop of a group is answered to its end, also where one of its starters is silent",
-        given=FOUR + ALICE + WEB + LOGIN + GROUP,
-        at={5.0: [log_in(), "belt power off"]},
-        then={
-            40.0: that(
-                lambda plant: {
-                    name: each["phase"]
-                    for said in [plant.post("/api/v1/command/hall/stop", {}).json]
-                    if said["final"]
-                    for name, each in said["phases"][-1]["members"].items()
-                },
-                {**dict.fromkeys(("pump", "fan", "mill"), "confirmed"), "belt": "unconfirmed"},
-            )
-        },
+        FOUR + ALICE + WEB + LOGIN + GROUP,
+        {5.0: [log_in(), "belt power off"]},
+        40.0,
+        that(
+            lambda plant: {
+                name: each["phase"]
+                for said in [plant.post("/api/v1/command/hall/stop", {}).json]
+                if said["final"]
+                for name, each in said["phases"][-1]["members"].items()
+            },
+            {**dict.fromkeys(("pump", "fan", "mill"), "confirmed"), "belt": "unconfirmed"},
+        ),
     ),
-    row(
+    scene(
         "a start with an old token, with none, or on another state than was seen is refused",
-        given=PAGE,
-        at={5.0: log_in(), 5.2: lambda plant: plant.browser.__dict__.update(old=plant.token())},
-        then={
-            20.0: [
-                lambda plant: phases("start", "rejected expired", token=plant.browser.__dict__["old"])(plant),
-                phases("start", "rejected not_fresh", token=None),
-                phases("start", "accepted ok", "rejected not_as_expected", expect={"state": "running"}),
-                frames("pump"),
-            ]
-        },
+        PAGE,
+        {5.0: log_in(), 5.2: lambda plant: plant.browser.__dict__.update(old=plant.token())},
+        20.0,
+        lambda plant: phases("start", "rejected expired", token=plant.browser.__dict__["old"])(plant),
+        phases("start", "rejected not_fresh", token=None),
+        phases("start", "accepted ok", "rejected not_as_expected", expect={"state": "running"}),
+        frames("pump"),
     ),
-    row(
+    scene(
         "why a start is not possible is said before and after it is tried",
-        given=PAGE,
-        at={3.0: "pump trip E05", 8.0: log_in()},
-        then={
-            8.1: [
-                action("start", permitted=False, code="fault_active"),
-                action("reset", permitted=True),
-                phases("start", "accepted ok", "rejected fault_active"),
-            ]
-        },
+        PAGE,
+        {3.0: "pump trip E05", 8.0: log_in()},
+        8.1,
+        action("start", permitted=False, code="fault_active"),
+        action("reset", permitted=True),
+        phases("start", "accepted ok", "rejected fault_active"),
     ),
-    row(
+    scene(
         "with two steps a start needs the selection that the page makes first",
-        given=PAGE.replace("[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1),
+        PAGE.replace("[[operator]]", '[line.starter.rules]\ntwo_step = ["start"]\n[[operator]]', 1),
+        {5.0: log_in()},
+        5.1,
+        action("start", two_step=True),
+        phases("start", "rejected select_first"),
+        lambda plant: phases(
+            "start",
+            "accepted ok",
+            "written ok",
+            "confirmed ok",
+            select=pressed(plant, "select", args={"verb": "start"}).json["phases"][-1]["select"],
+        )(plant),
         sim={"pump": QUICK},
-        at={5.0: log_in()},
-        then={
-            5.1: [
-                action("start", two_step=True),
-                phases("start", "rejected select_first"),
-                lambda plant: phases(
-                    "start",
-                    "accepted ok",
-                    "written ok",
-                    "confirmed ok",
-                    select=pressed(plant, "select", args={"verb": "start"}).json["phases"][-1]["select"],
-                )(plant),
-            ]
-        },
     ),
 ]
 
@@ -457,32 +426,26 @@ def acknowledge(plant: RigPlant) -> None:
 
 
 ALARMS = [
-    row(
+    scene(
         "an alarm is acknowledged by a login, with an event and in the audit, and nothing is reset",
-        given=LOOKER,
-        at={5.0: "pump trip E05", 8.0: [log_in(), acknowledge]},
-        then={
-            8.1: [
-                acknowledged("e05"),
-                event("alarm_acknowledged", topic="starter/pump/event"),
-                msg("audit", verb="acknowledge", client="alice", operator="anna", args={"alarm": "e05"}),
-                msg("starter/pump/alarm/e05", active=True),
-                answer("/api/v1/acknowledge/pump/e24", 409, post={}, error="not_active"),
-                answer("/api/v1/acknowledge/absent/e05", 404, post={}),
-                frames("pump"),
-            ]
-        },
+        LOOKER,
+        {5.0: "pump trip E05", 8.0: [log_in(), acknowledge]},
+        8.1,
+        acknowledged("e05"),
+        event("alarm_acknowledged", topic="starter/pump/event"),
+        msg("audit", verb="acknowledge", client="alice", operator="anna", args={"alarm": "e05"}),
+        msg("starter/pump/alarm/e05", active=True),
+        answer("/api/v1/acknowledge/pump/e24", 409, post={}, error="not_active"),
+        answer("/api/v1/acknowledge/absent/e05", 404, post={}),
+        frames("pump"),
     ),
-    row(
+    scene(
         "an alarm that is acknowledged stays with its first person",
-        given=PAGE,
-        at={5.0: "pump trip E05", 8.0: [log_in(), acknowledge], 9.0: acknowledge},
-        then={
-            10.0: [
-                seen("audit", times=1, verb="acknowledge"),
-                that(lambda plant: shown(plant, "facts")["acknowledged"]["e05"]["time"][17:19], "08"),
-            ]
-        },
+        PAGE,
+        {5.0: "pump trip E05", 8.0: [log_in(), acknowledge], 9.0: acknowledge},
+        10.0,
+        seen("audit", times=1, verb="acknowledge"),
+        that(lambda plant: shown(plant, "facts")["acknowledged"]["e05"]["time"][17:19], "08"),
     ),
     row(
         "an acknowledgement ends, also on open pages, when its alarm clears or comes again, or by a restart",
@@ -517,14 +480,8 @@ ALARMS = [
 ]
 
 
-@pytest.mark.parametrize("row", SESSIONS + REQUESTS + ALARMS)
-def test_the_page(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", COMMANDS)
-def test_commands_by_the_page(row: ScenarioRow) -> None:
-    play(row)
+test_the_page = played(SESSIONS + REQUESTS + ALARMS)
+test_commands_by_the_page = played(COMMANDS)
 
 
 def test_a_stream_brings_a_snapshot_then_changes_and_beats_and_a_snapshot_after_a_reload() -> None:

@@ -2,33 +2,32 @@
 
 from __future__ import annotations
 
-import itertools
 import re
 from typing import Any
 
-import pytest
-
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
+    apart,
     command,
     event,
     fault,
     frames,
     msg,
     never,
-    play,
+    played,
     publish,
     reload,
     result,
     results,
     row,
+    scene,
     seen,
+    that,
 )
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, QUICK, SPARKPLUG, SSW07, operator, starter
 from tests.rig.state import with_document
-from tests.scenarios.plugins.doors import born, that, write
+from tests.scenarios.plugins.doors import born, write
 
 NODE = SSW07 + SPARKPLUG
 TAKES = 'commands = true\noperator = "alice"\n'
@@ -80,12 +79,6 @@ def bd_seqs(kind: str, *expected: int) -> Expectation:
     return check
 
 
-def unhurried(plant: RigPlant) -> str:
-    """Between two messages of a device a quarter of a second passes."""
-    times = [each.at_s for each in plant.messages(born("DDATA", "pump"))]
-    return "" if times and all(b - a > 0.24 for a, b in itertools.pairwise(times)) else str(times)
-
-
 def offered(*verbs: str) -> Expectation:
     """The newest birth of the pump offers these commands, none of which is given."""
 
@@ -108,53 +101,50 @@ def host(state: bool, server: str = "") -> Any:
 
 
 BIRTHS = [
-    row(
+    scene(
         "a birth of a node and of a device has every point and who it is",
-        given=NODE,
-        then={
-            5.0: [
-                event("sparkplug_born"),
-                of("NBIRTH", Properties__Software="starter-gateway", broker__connected=True),
-                msg(
-                    born("DBIRTH", "pump"),
-                    metrics={
-                        "Properties/Hardware Make": "WEG",
-                        "Properties/Family": "ssw07",
-                        "Properties/Line": "pumps",
-                        "Properties/Address": 1,
-                        "availability": "online",
-                        "current": ...,
-                        "p006": ...,
-                        "hours_total": ...,
-                        "alarm/active": False,
-                        "locked": False,
-                    },
-                ),
-                of("DDATA", "pump", Properties__FW="1.40"),
-                of("DDATA", "pump", state="ready", remote=True),
-                of("DDATA", "pump", current=0.0),
-            ]
-        },
+        NODE,
+        {},
+        5.0,
+        event("sparkplug_born"),
+        of("NBIRTH", Properties__Software="starter-gateway", broker__connected=True),
+        msg(
+            born("DBIRTH", "pump"),
+            metrics={
+                "Properties/Hardware Make": "WEG",
+                "Properties/Family": "ssw07",
+                "Properties/Line": "pumps",
+                "Properties/Address": 1,
+                "availability": "online",
+                "current": ...,
+                "p006": ...,
+                "hours_total": ...,
+                "alarm/active": False,
+                "locked": False,
+            },
+        ),
+        of("DDATA", "pump", Properties__FW="1.40"),
+        of("DDATA", "pump", state="ready", remote=True),
+        of("DDATA", "pump", current=0.0),
     ),
-    row(
+    scene(
         "without commands none is offered, and none is taken",
-        given=SSW07 + ALICE + SPARKPLUG,
-        at={4.0: write(STOP)},
-        then={
-            6.0: [
-                offered(),
-                results(),
-                frames("pump"),
-            ]
-        },
+        SSW07 + ALICE + SPARKPLUG,
+        {4.0: write(STOP)},
+        6.0,
+        offered(),
+        results(),
+        frames("pump"),
     ),
-    row(
+    scene(
         "a starter that has never answered is not born",
-        given=FOUR + SPARKPLUG,
+        FOUR + SPARKPLUG,
+        {},
+        30.0,
+        never(born("DBIRTH", "fan")),
+        never(born("DDEATH", "fan")),
+        seen(born("DBIRTH", "mill")),
         absent=("fan",),
-        then={
-            30.0: [never(born("DBIRTH", "fan")), never(born("DDEATH", "fan")), seen(born("DBIRTH", "mill"))]
-        },
     ),
     row(
         "changes are published at most four times a second, an alarm with its code",
@@ -165,7 +155,7 @@ BIRTHS = [
             20.0: [
                 of("DDATA", "pump", fault=True, state="fault"),
                 of("DDATA", "pump", alarm__active=True, alarm__code="e05", alarm__severity="fault"),
-                unhurried,
+                apart(born("DDATA", "pump"), 0.241),
             ],
         },
     ),
@@ -206,17 +196,14 @@ DEATHS = [
             40.0: [bd_seqs("NDEATH", 0, 1, 2), bd_seqs("NBIRTH", 0, 1, 2, 3)],
         },
     ),
-    row(
+    scene(
         "after an outage the node is born with the newest values, and nothing of the time between is sent",
-        given=NODE,
-        at={5.0: "broker down", 6.0: "pump P003 = 1111", 15.0: "pump P003 = 2222", 30.0: "broker up"},
-        then={
-            60.0: [
-                of("DBIRTH", "pump", current=222.2),
-                never(ALL, metrics={"current": 111.1}),
-                numbered,
-            ]
-        },
+        NODE,
+        {5.0: "broker down", 6.0: "pump P003 = 1111", 15.0: "pump P003 = 2222", 30.0: "broker up"},
+        60.0,
+        of("DBIRTH", "pump", current=222.2),
+        never(ALL, metrics={"current": 111.1}),
+        numbered,
     ),
     row(
         "switched off by a reload the node dies, and under another name, with which a new one is born",
@@ -345,17 +332,14 @@ def note_first(plant: RigPlant) -> None:
 
 
 REBIRTH = [
-    row(
+    scene(
         "a rebirth that is asked for comes at once, of all that answers, with the same number",
-        given=FOUR + SPARKPLUG,
-        at={8.0: write({"Node Control/Rebirth": True}, device="")},
-        then={
-            8.5: [
-                bd_seqs("NBIRTH", 0, 0),
-                *(seen(born("DBIRTH", name), times=2) for name in ("pump", "fan", "mill", "belt")),
-                numbered,
-            ]
-        },
+        FOUR + SPARKPLUG,
+        {8.0: write({"Node Control/Rebirth": True}, device="")},
+        8.5,
+        bd_seqs("NBIRTH", 0, 0),
+        *(seen(born("DBIRTH", name), times=2) for name in ("pump", "fan", "mill", "belt")),
+        numbered,
     ),
     row(
         "many rebirths at once are two",
@@ -416,17 +400,14 @@ WRITES = [
             24.0: result("reset confirmed ok"),
         },
     ),
-    row(
+    scene(
         "a birth offers what the operator may, and no more is taken",
-        given=SSW07 + operator("alice", ("stop",)) + SPARKPLUG + TAKES,
-        at={5.0: write(START)},
-        then={
-            8.0: [
-                offered("Stop"),
-                frames("pump"),
-                never("result/pump/alice", phase="accepted"),
-            ]
-        },
+        SSW07 + operator("alice", ("stop",)) + SPARKPLUG + TAKES,
+        {5.0: write(START)},
+        8.0,
+        offered("Stop"),
+        frames("pump"),
+        never("result/pump/alice", phase="accepted"),
     ),
     *(
         row(
@@ -473,43 +454,37 @@ WRITES = [
         then={9.0: [frames("pump", ON), msg("result/pump/alice", duplicate=True)]},
     ),
     *(
-        row(
+        scene(
             f"of a payload that is {what} nothing acts, and that is said: {code}",
-            given=COMMANDED,
-            at={
+            COMMANDED,
+            {
                 5.0: lambda plant, before=before, after=after: plant.publish(
                     born("DCMD", "pump"), plant.sparkplug({**before, **STOP}) + after, client="host"
                 )
             },
-            then={
-                8.0: [
-                    frames("pump"),
-                    event("dcmd_refused", data={"starter": "pump", "code": code}),
-                    of("DDATA", "pump", Command__Last__Code=code),
-                ]
-            },
+            8.0,
+            frames("pump"),
+            event("dcmd_refused", data={"starter": "pump", "code": code}),
+            of("DDATA", "pump", Command__Last__Code=code),
         )
         for what, code, before, after in (
             ("garbled", "bad_payload", {}, b"\x12\xff"),
             ("too large", "too_big", {"x": "y" * 5000}, b""),
         )
     ),
-    row(
+    scene(
         "a write to a device that is no starter is an event, once a second",
-        given=COMMANDED,
-        at={5.0: [write(STOP, device="absent")] * 3},
-        then={
-            8.0: [
-                seen(
-                    "gateway/event",
-                    times=2,
-                    code="dcmd_refused",
-                    data={"starter": "absent", "code": "unknown_starter"},
-                ),
-                event("dcmd_refused", data={"count": 2}),
-                results(),
-            ]
-        },
+        COMMANDED,
+        {5.0: [write(STOP, device="absent")] * 3},
+        8.0,
+        seen(
+            "gateway/event",
+            times=2,
+            code="dcmd_refused",
+            data={"starter": "absent", "code": "unknown_starter"},
+        ),
+        event("dcmd_refused", data={"count": 2}),
+        results(),
     ),
     row(
         "of a flood the stops act and the rest is refused",
@@ -527,11 +502,5 @@ def twice(plant: RigPlant) -> None:
         plant.run(until=plant.world.now_s() + 2.0)
 
 
-@pytest.mark.parametrize("row", BIRTHS + DEATHS + SERVERS + REBIRTH + PRIMARY)
-def test_the_node(row: ScenarioRow) -> None:
-    play(row)
-
-
-@pytest.mark.parametrize("row", WRITES)
-def test_a_hosts_writes(row: ScenarioRow) -> None:
-    play(row)
+test_the_node = played(BIRTHS + DEATHS + SERVERS + REBIRTH + PRIMARY)
+test_a_hosts_writes = played(WRITES)

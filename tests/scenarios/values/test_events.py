@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 
-from tests.rig import ScenarioRow, command, msg, never, play, result, retained, row, seen
+from tests.rig import command, msg, never, played, result, retained, row, scene, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, QUICK, SITES, SST, SSW07, SSW900
 
@@ -125,17 +125,14 @@ TRIPS += [
 ]
 
 TRIPS += [
-    row(
+    scene(
         "several faults at once are an alarm each, and one event",
-        given=SST,
-        at={0: "belt R19 = 2", 5: ["belt COIL9 = 1", "belt COIL12 = 1", "belt COIL17 = 1", "belt R19 = 0"]},
-        then={
-            8: [
-                of("belt", "fault", data={"alarm": "coil12"}, text=re.compile("Overcurrent.*Phase loss")),
-                msg("starter/belt/alarm/coil12", active=True, text=re.compile("Overcurrent")),
-                msg("starter/belt/alarm/coil17", active=True, text=re.compile("Phase loss")),
-            ]
-        },
+        SST,
+        {0: "belt R19 = 2", 5: ["belt COIL9 = 1", "belt COIL12 = 1", "belt COIL17 = 1", "belt R19 = 0"]},
+        8,
+        of("belt", "fault", data={"alarm": "coil12"}, text=re.compile("Overcurrent.*Phase loss")),
+        msg("starter/belt/alarm/coil12", active=True, text=re.compile("Overcurrent")),
+        msg("starter/belt/alarm/coil17", active=True, text=re.compile("Phase loss")),
     )
 ]
 
@@ -167,6 +164,4 @@ ALARMS = [
 ]
 
 
-@pytest.mark.parametrize("row", MOTORS + TRIPS + ALARMS)
-def test_events(row: ScenarioRow) -> None:
-    play(row)
+test_events = played(MOTORS + TRIPS + ALARMS)

@@ -9,16 +9,17 @@ import pytest
 
 from tests.rig import (
     RigPlant,
-    ScenarioRow,
     event,
     frames,
     msg,
     never,
     play,
+    played,
     reload,
     result,
     retained,
     row,
+    scene,
     seen,
 )
 from tests.rig.rows import Expectation
@@ -52,80 +53,65 @@ def point(topic: str, **fields: Any) -> Expectation:
 
 
 VALUES = [
-    row(
+    scene(
         "a row that is asked for is a point under its code, with name, unit, type and period",
-        given=FAN,
-        at={0: ["fan P314 = 12", "fan P220 = 5"]},
-        then={
-            15: [
-                point(
-                    "fan/p314", code="P314", unit="s", type="float", every_s=10.0, name=re.compile("timeout")
-                ),
-                point("fan/p220", code="P220", unit="", type="enum", every_s=10.0, enum={"0": ...}),
-                point("fan/current", code="P003"),
-                value("fan/p314", 12.0, "s"),
-                value("fan/p220", 5, label=...),
-            ]
-        },
+        FAN,
+        {0: ["fan P314 = 12", "fan P220 = 5"]},
+        15,
+        point("fan/p314", code="P314", unit="s", type="float", every_s=10.0, name=re.compile("timeout")),
+        point("fan/p220", code="P220", unit="", type="enum", every_s=10.0, enum={"0": ...}),
+        point("fan/current", code="P003"),
+        value("fan/p314", 12.0, "s"),
+        value("fan/p220", 5, label=...),
     ),
-    row(
+    scene(
         "patterns ask for many rows, in capitals or not, and an enumeration has its names",
-        given=SSW900 + 'points = ["s4.2.*", "S3.5.?", "D1.1.1"]\n',
-        at={0: ["mill S3.5.2 = 3"]},
-        then={
-            15: [
-                point("mill/s3_5_2", type="enum", enum={"3": "PT100"}),
-                value("mill/s3_5_2", 3, label="PT100"),
-                # what is a point already is that alone
-                never("starter/mill/value/d1_1_1"),
-                point("mill/s4_2_1", code="S4.2.1"),
-            ]
-        },
+        SSW900 + 'points = ["s4.2.*", "S3.5.?", "D1.1.1"]\n',
+        {0: ["mill S3.5.2 = 3"]},
+        15,
+        point("mill/s3_5_2", type="enum", enum={"3": "PT100"}),
+        value("mill/s3_5_2", 3, label="PT100"),
+        # what is a point already is that alone
+        never("starter/mill/value/d1_1_1"),
+        point("mill/s4_2_1", code="S4.2.1"),
     ),
-    row(
+    scene(
         "a line's points are those of each of its starters that has them, a table's those of its family",
-        given=line(points=["P220"])
+        line(points=["P220"])
         + starter("pump", 1, "ssw07")
         + starter("fan", 2, "ssw06")
         + starter("belt", 4, "sst")
         + table("[points]", family="sst", codes=["R14", "COIL22"], every_s=2.0)
         + table("[points]", family="ssw06", codes=["P314"], starters=["fan"]),
-        then={
-            15: [
-                seen("starter/fan/value/p220", quality="good"),
-                seen("starter/pump/value/p220", quality="good"),
-                seen("starter/belt/value/coil22", value=False, quality="good"),
-                point("belt/coil22", type="boolean", every_s=2.0),
-                never("starter/belt/value/p220"),
-                seen("starter/fan/value/p314", quality="good"),
-                never("starter/pump/value/p314"),
-            ]
-        },
+        {},
+        15,
+        seen("starter/fan/value/p220", quality="good"),
+        seen("starter/pump/value/p220", quality="good"),
+        seen("starter/belt/value/coil22", value=False, quality="good"),
+        point("belt/coil22", type="boolean", every_s=2.0),
+        never("starter/belt/value/p220"),
+        seen("starter/fan/value/p314", quality="good"),
+        never("starter/pump/value/p314"),
     ),
-    row(
+    scene(
         "a row that this starter refuses is bad, and takes no other with it",
-        given=PUMP_ROW.replace('["P102"]', '["P102", "P220", "P277"]'),
-        then={
-            40: [
-                bad("pump/voltage_ramp_time"),
-                value("pump/p220", ..., label=...),
-                value("pump/p277", ...),
-                value("pump/current", ..., "A"),
-                msg("starter/pump/state", state="ready", quality="good"),
-            ]
-        },
+        PUMP_ROW.replace('["P102"]', '["P102", "P220", "P277"]'),
+        {},
+        40,
+        bad("pump/voltage_ramp_time"),
+        value("pump/p220", ..., label=...),
+        value("pump/p277", ...),
+        value("pump/current", ..., "A"),
+        msg("starter/pump/state", state="ready", quality="good"),
     ),
-    row(
+    scene(
         "what the starter counts itself goes on to count where it is asked for as well",
-        given=line() + starter("mill", 3, "ssw900", points=["D6.2", "D4.6.1"]),
-        at={0: ["mill D6.2 = 7200", "mill D4.6.1 = 55"]},
-        then={
-            15: [
-                value("mill/d6_2", 7200.0, "s", label="02:00:00"),
-                msg("starter/mill/value/hours_total", value=2.0),
-                msg("starter/mill/value/energy_kwh", value=5.5),
-            ]
-        },
+        line() + starter("mill", 3, "ssw900", points=["D6.2", "D4.6.1"]),
+        {0: ["mill D6.2 = 7200", "mill D4.6.1 = 55"]},
+        15,
+        value("mill/d6_2", 7200.0, "s", label="02:00:00"),
+        msg("starter/mill/value/hours_total", value=2.0),
+        msg("starter/mill/value/energy_kwh", value=5.5),
     ),
     row(
         "a reload adds points and takes them away, and nothing of them stays at the broker",
@@ -150,9 +136,7 @@ VALUES = [
 ]
 
 
-@pytest.mark.parametrize("row", VALUES)
-def test_a_row_becomes_a_point(row: ScenarioRow) -> None:
-    play(row)
+test_a_row_becomes_a_point = played(VALUES)
 
 
 WRITABLE = PUMP_ROW + "writable = true\n" + ALICE
@@ -168,7 +152,7 @@ def takes_writes(plant: RigPlant) -> None:
         plant.starter("pump").unit.settings[102] = int.from_bytes(pdu[3:5], "big")
         return pdu
 
-    answers("pump", written)(plant)  # type: ignore[operator]
+    answers("pump", written)(plant)
 
 
 @pytest.mark.parametrize(
@@ -212,9 +196,7 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("row", ROWS)
-def test_a_row_of_the_site_is_a_row_like_any_other(row: ScenarioRow) -> None:
-    play(row)
+test_a_row_of_the_site_is_a_row_like_any_other = played(ROWS)
 
 
 EVERYWHERE = (

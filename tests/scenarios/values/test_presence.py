@@ -5,14 +5,11 @@ from __future__ import annotations
 import itertools
 import re
 from collections.abc import Callable
-from itertools import pairwise
 
-import pytest
-
-from tests.rig import RigPlant, ScenarioRow, clean_line, event, fault, msg, never, play, row, seen
+from tests.rig import RigPlant, clean_line, event, fault, msg, never, played, row, scene, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import SITES, SST, SSW07, SSW900, starter
-from tests.scenarios.values.words import answers, refuse_rows
+from tests.scenarios.values.words import answers, reads_any, refuse_rows
 
 PUMP = "starter/pump/"
 
@@ -42,30 +39,26 @@ def _times_are_older_than(at_s: float) -> Expectation:
 
 
 PRESENCE = [
-    row(
-        "after four misses it is offline, with event and reason, and every value stale with its own old time",
-        given=SSW07,
-        at={5: fault("silent", "pump")},
-        then={
-            20: [
-                msg(PUMP + "availability", state="offline", since=..., reason=...),
-                seen(PUMP + "event", code="went_silent", severity="warning", times=1),
-                msg(PUMP + "state", state="unknown", quality="stale"),
-                _every_value_is("stale"),
-                _times_are_older_than(5.1),
-                clean_line,
-            ]
-        },
+    scene(
+        "after four misses it is offline, said once, and every value stale with its own old time",
+        SSW07,
+        {5: fault("silent", "pump")},
+        20,
+        msg(PUMP + "availability", state="offline", reason=..., since=...),
+        seen(PUMP + "event", code="went_silent", severity="warning", times=1),
+        msg(PUMP + "state", state="unknown", quality="stale"),
+        msg(PUMP + "value/current", quality="stale", value=0.0),
+        _every_value_is("stale"),
+        _times_are_older_than(5.1),
+        clean_line,
     ),
-    row(
+    scene(
         "a disabled starter is never asked",
-        given=SSW07 + starter("spare", 9, "ssw07", enabled=False),
-        then={
-            10: [
-                msg("starter/spare/availability", state="disabled"),
-                lambda plant: str(plant.starter("spare").asked or ""),
-            ]
-        },
+        SSW07 + starter("spare", 9, "ssw07", enabled=False),
+        {},
+        10,
+        msg("starter/spare/availability", state="disabled"),
+        lambda plant: str(plant.starter("spare").asked or ""),
     ),
 ]
 
@@ -76,26 +69,29 @@ def _every(count: int, reply: bytes | None = None) -> Callable[[bytes], bytes | 
     return lambda _: reply if next(asked) % count == 0 else b""
 
 
-def _longest_gap(plant: RigPlant, *, since: float, name: str = "pump") -> float:
-    """Return the longest time between two requests that reached the starter."""
-    times = [at_s for at_s, _ in plant.starter(name).asked if at_s >= since]
-    return max(later - sooner for sooner, later in pairwise(times))
+def _asked_for(register: int, name: str, *, most_s: float) -> Expectation:
+    """From 20 s to 50 s a register was asked for again and again, within this time."""
+
+    def check(plant: RigPlant) -> str:
+        asked = [at_s for at_s, pdu in plant.starter(name).asked if reads_any(pdu, {register})]
+        times_s = [20.0, *(at_s for at_s in asked if 20.0 <= at_s <= 50.0), 50.0]
+        longest_s = max(after - before for before, after in itertools.pairwise(times_s))
+        return "" if longest_s <= most_s else f"it was not asked for during {longest_s:.1f} s"
+
+    return check
 
 
 REFUSALS = [
     *(
-        row(
+        scene(
             f"a row that is refused with exception {code} leaves the others of its block good",
-            given=SSW07,
-            at={5: refuse_rows("pump", {3}, code)},
-            then={
-                120: [
-                    msg(PUMP + "value/current", value=None, quality="bad"),
-                    msg(PUMP + "value/current_pct", quality="good"),
-                    msg(PUMP + "value/fault_code", quality="good"),
-                    msg(PUMP + "state", state="ready", quality="good"),
-                ]
-            },
+            SSW07,
+            {5: refuse_rows("pump", {3}, code)},
+            120,
+            msg(PUMP + "value/current", value=None, quality="bad"),
+            msg(PUMP + "value/current_pct", quality="good"),
+            msg(PUMP + "value/fault_code", quality="good"),
+            msg(PUMP + "state", state="ready", quality="good"),
         )
         for code in (1, 2, 3)
     ),
@@ -127,9 +123,7 @@ REFUSALS = [
                     msg(f"starter/{name}/availability", state="degraded", reason=re.compile("refused")),
                     event("degraded", f"starter/{name}/event", severity="warning"),
                     msg(f"starter/{name}/state", state="unknown"),
-                    lambda plant, name=name: (
-                        "" if _longest_gap(plant, since=20, name=name) <= 5.1 else "asked too seldom"
-                    ),
+                    _asked_for(register, name, most_s=5.1),
                 ],
                 90: [
                     msg(f"starter/{name}/availability", state="online"),
@@ -169,20 +163,15 @@ REFUSALS = [
             280: _every_value_is("good"),
         },
     ),
-    row(
+    scene(
         "an SSW900 whose fault number is refused is degraded, its status good",
-        given=SSW900,
-        at={5: refuse_rows("mill", {90})},
-        then={
-            60: [
-                msg("starter/mill/availability", state="degraded"),
-                msg("starter/mill/state", state="ready", quality="good", running=False),
-            ]
-        },
+        SSW900,
+        {5: refuse_rows("mill", {90})},
+        60,
+        msg("starter/mill/availability", state="degraded"),
+        msg("starter/mill/state", state="ready", quality="good", running=False),
     ),
 ]
 
 
-@pytest.mark.parametrize("row", PRESENCE + REFUSALS)
-def test_presence(row: ScenarioRow) -> None:
-    play(row)
+test_presence = played(PRESENCE + REFUSALS)

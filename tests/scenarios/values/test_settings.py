@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import pytest
-
-from tests.rig import RigPlant, ScenarioRow, command, event, frames, never, play, result, row, seen
+from tests.rig import RigPlant, command, event, frames, never, played, result, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, SITES, SSW07, SSW900
 from tests.scenarios.values.words import answers, nothing_written, refuse_rows
@@ -149,6 +147,4 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("row", ROWS)
-def test_settings(row: ScenarioRow) -> None:
-    play(row)
+test_settings = played(ROWS)

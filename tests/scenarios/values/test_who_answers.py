@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from functools import partial
 from typing import Any
 
 import pytest
@@ -16,12 +17,13 @@ from tests.rig import (
     frames,
     msg,
     never,
-    play,
+    played,
     result,
     row,
+    scene,
     seen,
 )
-from tests.rig.rows import Action, Expectation
+from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, QUICK, SST, SSW06, SSW07, SSW900
 from tests.scenarios.values.words import (
     answers,
@@ -35,8 +37,7 @@ VB00 = (5000).to_bytes(2, "big")
 SITES = {"ssw07": ("pump", SSW07), "ssw06": ("fan", SSW06), "ssw900": ("mill", SSW900), "sst": ("belt", SST)}
 
 
-def swap(name: str, family: str, **options: Any) -> Action:
-    return lambda plant: plant.do(lambda: plant.line_of(name).swap(name, family, **options))
+swap = partial(fault, "swap")
 
 
 def named_as_another(name: str, there: str) -> Expectation:
@@ -76,17 +77,14 @@ def _swapped(configured: str, there: str) -> Any:
 def _swapped_at_once(configured: str, there: str) -> ScenarioRow:
     name, site = SITES[configured]
     start = command(f"{name}/alice/start")
-    return row(
+    return scene(
         f"an {there} in the place of an {configured}, without a silence between, gets no start",
-        given=site + ALICE,
-        at={8: [swap(name, there), start], 30: start},
-        then={
-            45: [
-                never("result/+/alice", phase="written"),
-                seen("result/+/alice", times=2, phase=re.compile("rejected|failed")),
-                nothing_written(name),
-            ]
-        },
+        site + ALICE,
+        {8: [swap(name, there), start], 30: start},
+        45,
+        never("result/+/alice", phase="written"),
+        seen("result/+/alice", times=2, phase=re.compile("rejected|failed")),
+        nothing_written(name),
     )
 
 
@@ -175,19 +173,16 @@ ROWS = [
         )
     ),
     *(
-        row(
+        scene(
             f"an {there} behind a port that was opened again at once is named",
-            given=SITES[configured][1] + ALICE,
-            at={
+            SITES[configured][1] + ALICE,
+            {
                 8: ["line pumps unplug", swap(SITES[configured][0], there)],
                 8.2: "line pumps plug",
             },
-            then={
-                60: [
-                    event("identity_mismatch", f"starter/{SITES[configured][0]}/event"),
-                    never(f"starter/{SITES[configured][0]}/value/running", since=9, quality="good"),
-                ]
-            },
+            60,
+            event("identity_mismatch", f"starter/{SITES[configured][0]}/event"),
+            never(f"starter/{SITES[configured][0]}/value/running", since=9, quality="good"),
         )
         for configured, there in (("ssw07", "ssw06"), ("ssw900", "ssw07"))
     ),
@@ -228,24 +223,21 @@ ROWS = [
         },
         then={31: result("accept rejected nothing_to_accept"), 40: result("start confirmed ok")},
     ),
-    row(
+    scene(
         "a device of another family can be read raw, and says why its values mean nothing",
-        given=SSW07 + ALICE,
+        SSW07 + ALICE,
+        {20: command("pump/alice/read", args={"parameter": "P003"})},
+        25,
+        msg(
+            "result/+/alice",
+            verb="read",
+            phase="confirmed",
+            value=None,
+            raw=[0],
+            reason=re.compile("not ssw07"),
+        ),
+        msg("starter/pump/availability", state="degraded", reason=re.compile("it is ssw06")),
         sim={"pump": {"family": "ssw06"}},
-        at={20: command("pump/alice/read", args={"parameter": "P003"})},
-        then={
-            25: [
-                msg(
-                    "result/+/alice",
-                    verb="read",
-                    phase="confirmed",
-                    value=None,
-                    raw=[0],
-                    reason=re.compile("not ssw07"),
-                ),
-                msg("starter/pump/availability", state="degraded", reason=re.compile("it is ssw06")),
-            ]
-        },
     ),
     row(
         "a starter that refuses to say its name is asked three times, and again an hour later",
@@ -259,18 +251,15 @@ ROWS = [
             3700: msg("starter/pump/info", model=re.compile("SSW-07")),
         },
     ),
-    row(
+    scene(
         "one that goes offline after each question for its name is asked again, and is then read",
-        given=SSW07,
-        at={0: is_deaf_after_fc43("pump", 15.0)},
-        then={
-            300: [
-                seen("starter/pump/availability", times=2, state="offline", reason=re.compile("no reply")),
-                asked_its_name(0.2, 19.0),
-                msg("starter/pump/state", quality="good"),
-                msg("starter/pump/availability", state="online"),
-            ]
-        },
+        SSW07,
+        {0: is_deaf_after_fc43("pump", 15.0)},
+        300,
+        seen("starter/pump/availability", times=2, state="offline", reason=re.compile("no reply")),
+        asked_its_name(0.2, 19.0),
+        msg("starter/pump/state", quality="good"),
+        msg("starter/pump/availability", state="online"),
     ),
     row(
         "one whose name was corrupted once is asked again 2 s later: its values are good, a start acts",
@@ -316,33 +305,27 @@ ROWS = [
             ],
         },
     ),
-    row(
+    scene(
         "one that is known for another family by its registers is asked its name once, though asked again",
-        given=SSW07,
+        SSW07,
+        {0: is_silent_to_fc43("pump")},
+        300,
+        asked_its_name(0.2),
+        seen("starter/pump/event", times=1, code="identity_mismatch"),
         sim={"pump": {"family": "ssw06"}},
-        at={0: is_silent_to_fc43("pump")},
-        then={
-            300: [
-                asked_its_name(0.2),
-                seen("starter/pump/event", times=1, code="identity_mismatch"),
-            ]
-        },
     ),
-    row(
+    scene(
         "one of another family that gives no answer when it is asked again stays known for it: a stop does",
-        given=SSW07 + ALICE,
-        sim={"pump": {"family": "ssw06"}},
-        at={
+        SSW07 + ALICE,
+        {
             3: answers("pump", lambda pdu: None if pdu[0] == 0x2B or pdu[1:3] == VB00 else b"", for_s=60),
             30: command("pump/alice/stop"),
         },
-        then={
-            60: [
-                seen("starter/pump/event", times=1, code="identity_mismatch"),
-                never("starter/pump/event", code="identity_unknown"),
-                result("stop confirmed ok"),
-            ]
-        },
+        60,
+        seen("starter/pump/event", times=1, code="identity_mismatch"),
+        never("starter/pump/event", code="identity_unknown"),
+        result("stop confirmed ok"),
+        sim={"pump": {"family": "ssw06"}},
     ),
     row(
         "no value is good before it is known who answers",
@@ -356,6 +339,4 @@ ROWS = [
 ]
 
 
-@pytest.mark.parametrize("row", ROWS)
-def test_who_answers(row: ScenarioRow) -> None:
-    play(row)
+test_who_answers = played(ROWS)

@@ -18,16 +18,22 @@ def refuse_rows(
     functions: tuple[int, ...] = (3, 4),
 ) -> Action:
     """Have a starter refuse each read that has one of these registers in it, with an exception code."""
-
-    def refused(pdu: bytes) -> bytes | None:
-        first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
-        is_meant = pdu[0] in functions and any(first <= each < first + count for each in addresses)
-        return bytes((pdu[0] | 0x80, code)) if is_meant else b""
-
-    return answers(name, refused, for_s=for_s)
+    return answers(
+        name,
+        lambda pdu: bytes((pdu[0] | 0x80, code)) if reads_any(pdu, addresses, functions) else b"",
+        for_s=for_s,
+    )
 
 
-def answers(name: str, habit: Callable[[bytes], bytes | None], *, for_s: float | None = None) -> Action:
+def reads_any(pdu: bytes, addresses: Iterable[int], functions: tuple[int, ...] = (3, 4)) -> bool:
+    """Return whether a request is a read that has one of these registers in it."""
+    first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
+    return pdu[0] in functions and any(first <= each < first + count for each in addresses)
+
+
+def answers(
+    name: str, habit: Callable[[bytes], bytes | None], *, for_s: float | None = None
+) -> Callable[[RigPlant], None]:
     """Have a starter answer requests in another way; `habit` returns nothing (b"") for its own answer."""
 
     def change(plant: RigPlant) -> None:
