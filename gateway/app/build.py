@@ -51,7 +51,6 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
     tokens = Tokens(secrets.token_hex(8))
     records = RecordWriter(clock, log_failure, boot=tokens.run)
     publish_event: PublishEvent = partial(records.event, "")  # of the gateway's own
-    latest = Latest()
 
     # What is stored, and the way to the broker, which needs the store.
     state = StateStore(
@@ -60,6 +59,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
     )
     uplink = Uplink(site, tokens, store=state.store, clock=clock, sink=records, publish_event=publish_event)
+    latest = Latest(uplink.outbox.records)
     state.on_news = uplink.disk_sync.note_news
     state.commands.row_of = uplink.stage
     policy = Policy(
@@ -80,6 +80,7 @@ def build(site: Site, *, notifier: Notifier, watchdog_every_s: float | None = No
         publish_event=publish_event,
         policy=policy,
         traced=config.traced,
+        has_page=config.web is not None,
     )
     uplink.disk_sync.on_recalled = history.note_left
 

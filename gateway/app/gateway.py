@@ -151,7 +151,12 @@ class App:
         self.policy.motor_history.watch_only(each.name for each in config.starters if each.enabled)
         for name in self.policy.apply(policy_of(config), rights=rights):
             self.plant.starters[name].republish_state()
-        self.history.reconfigure(setups_in(config), changed=changes.starters_gone, traced=config.traced)
+        self.history.reconfigure(
+            setups_in(config),
+            changed=changes.starters_gone,
+            traced=config.traced,
+            has_page=config.web is not None,
+        )
         self.health.reconfigure(self.plant.lines.values(), site)
         self.commands.under_way.reopen()
         self.capture.lines = tuple(self.plant.lines)

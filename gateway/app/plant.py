@@ -24,7 +24,7 @@ from gateway.line import (
     PortOpener,
     UnitChanged,
 )
-from gateway.starters import REFRESH_S, Policy, Readings, StarterSetup, StarterTelemetry
+from gateway.starters import REFRESH_S, Policy, Readings, StarterSetup, StarterTelemetry, polls_of
 
 
 class Plant:
@@ -150,7 +150,7 @@ class Plant:
             name=table.name,
             opener=self._make_opener(table),
             timing=timing_of(table),
-            polls=[poll for setup in setups for poll in watchdogs.polls(setup)],
+            polls=[poll for setup in setups for poll in polls_of(setup, watchdogs.limit_s(setup))],
             allowance_s=table.adapter_allowance_s,
             seed=secrets.randbits(32),
             deaf_after_s=table.deaf_after_s,
@@ -161,7 +161,7 @@ class Plant:
         """Add the starters of a table to its line, which runs; each gets its first request at once."""
         new = [self._add_starter(setup) for setup in self._setups(table)]
         for starter in new:
-            polls = self._policy.watchdogs.polls(starter.setup)
+            polls = polls_of(starter.setup, self._policy.watchdogs.limit_s(starter.setup))
             for poll in polls:
                 starter.line.add_poll(poll)
             for poll in polls[:1]:

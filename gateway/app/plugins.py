@@ -130,6 +130,7 @@ class PluginRunner:
             return True
         try:
             self._queue = PluginQueue()
+            self._gateway.latest.begin()
             self.plugin = plugin = make(settings)
             await until_first(plugin.run(), self._feed(plugin), self._changed.wait())
             if self.plugin is plugin and self._changed.is_set():

@@ -28,7 +28,7 @@ def run(args: argparse.Namespace) -> int:
     """Print all writes of the command in their order, read-backs left out; no port is opened."""
     profile = load_profile(args.family)
     address = whole_number(args.address, "ADDRESS", low=1, high=247)
-    variant = Variant.model_validate({"slot": _slot(profile, args.slot)})
+    variant = Variant(slot=_slot(profile, args.slot))
     seen = _seen(profile, variant, args.last_word)
     values = assigned(args.args, sign="=", form=KEY_VALUE)
     try:

@@ -28,7 +28,7 @@ def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, .
             line=line.name,
             address=starter.address,
             profile=starter.profile(language),
-            variant=Variant.model_validate({"model": starter.model, "slot": starter.slot}),
+            variant=Variant(model=starter.model, slot=starter.slot),
             every_s=starter.every_s,
             response_time_s=starter.response_time_s,
             is_enabled=starter.enabled,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from functools import cache
 from itertools import count, takewhile
 from typing import Any, Protocol
@@ -87,15 +87,26 @@ class Latest:
     """A sink of records: the newest of each retained topic, numbered in the order of their changes.
 
     A consumer that has seen everything up to a number asks for what is newer; one that begins asks for all.
-    Of what is forgotten the topic remains, without a record. On the app's loop.
+    Of what is forgotten the topic remains, without a record. Given `earlier`, nothing is taken until `begin`:
+    the same records need not be held twice while no consumer is there. On the app's loop.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, earlier: Callable[[], Iterable[Record]] | None = None) -> None:
+        """`earlier` returns the newest records of all retained topics, in any order."""
+        self._earlier = earlier  # until `begin`
         self.number = 0  # of the latest change
         self._newest: dict[str, tuple[int, Record | None]] = {}  # by topic, the latest changed last
 
+    def begin(self) -> None:
+        """Take what there is, and all that comes from now on; once is enough."""
+        earlier, self._earlier = self._earlier, None
+        for record in () if earlier is None else earlier():
+            self.put(record)
+
     def put(self, record: Record) -> None:
         """Take a record; only retained ones matter, and what is to be forgotten of them."""
+        if self._earlier is not None:
+            return
         if isinstance(record, ForgetRecord):
             for topic in [topic for topic, (_, known) in self._newest.items() if known and record.has(topic)]:
                 self._set(topic, None)

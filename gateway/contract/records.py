@@ -112,9 +112,16 @@ def _made_keys(kind: type[Record]) -> frozenset[str]:
 _own_keys_of: Callable[[Any], frozenset[str]] = cache(_made_keys)
 
 
-@cache  # as many as there are points
+_level_of = cache(to_level)  # starters and points have few names; with their topics they would have many
+
+
+@cache
+def _form_of(template: str) -> str:
+    return template.format_map(dict.fromkeys(names_in(template), "%s"))
+
+
 def _filled(template: str, *names: str) -> str:
-    return template.format_map(dict(zip(names_in(template), map(to_level, names), strict=True)))
+    return _form_of(template) % tuple(map(_level_of, names))
 
 
 @cache
@@ -149,7 +156,7 @@ class Record:
     @property
     def topic(self) -> str:
         """Return the topic below the base; a character that no level may have is `_` there."""
-        return _filled(self.TOPIC, *(getattr(self, name) for name in names_in(self.TOPIC)))
+        return _filled(self.TOPIC, *[getattr(self, name) for name in names_in(self.TOPIC)])
 
     @classmethod
     def topic_of(cls, **names: str) -> str:

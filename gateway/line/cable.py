@@ -111,7 +111,7 @@ class _Starter:
         self.wired = wired
         self.counts = Counts()  # of both windows
         self.is_offline = self.is_bad = self.is_late = False
-        self._windows = deque([(-inf, Counts())], maxlen=2)  # when each began, and the sums then
+        self._windows = [(-inf, Counts())]  # the latest two: when each began, and the sums then
         self._sums = Counts()
         self._latest: Counts | None = None  # as the line has counted
 
@@ -139,7 +139,7 @@ class _Starter:
             self._sums = self._sums.plus(counted.plus(before, -1))
         age_s, asked = now_s - self._windows[-1][0], self._sums.asked - self._windows[-1][1].asked
         if (age_s >= WINDOW_S and asked >= ENOUGH) or age_s >= LONGEST_WINDOW_S:
-            self._windows.append((now_s, self._sums))
+            self._windows = [self._windows[-1], (now_s, self._sums)]
         self.counts = self._sums.plus(self._windows[0][1], -1)
         if self.counts.asked >= LEAST:
             self.is_bad = _is_bad(self.counts.bad, self.counts.asked, was_bad=self.is_bad)

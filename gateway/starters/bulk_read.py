@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Awaitable, Callable, Iterable
 from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import assert_never
 
 from gateway.contract import CommandError, ResultCode
@@ -29,7 +29,8 @@ class BulkReading:
     refused: dict[str, str] = field(default_factory=dict)
 
 
-def short_reads(profile: Profile, codes: Iterable[str]) -> tuple[Read, ...]:
+@lru_cache(maxsize=512)  # the starters of a family are asked for the same rows, and share their requests
+def short_reads(profile: Profile, codes: tuple[str, ...]) -> tuple[Read, ...]:
     """Return the requests for rows that are read while everything else goes first."""
     return reading.bulk_reads(profile, codes, longest=min(LONGEST_BLOCK, profile.limits.read_registers // 2))
 
@@ -47,15 +48,15 @@ async def read_in_bulk(
     CommandError("no_answer") when the starter does not answer, PortLostError when the port is gone.
     """
     found = BulkReading()
-    waiting = deque(reads)
+    waiting = [*reads][::-1]  # the next one last
     while waiting:
-        read = waiting.popleft()
+        read = waiting.pop()
         outcome = await _answered(ask, read, tries=tries)
         if isinstance(outcome, Answered):
             found.rows |= reading.rows_in(profile, read, outcome.value)
         else:
             smaller = reading.halves(profile, read)
-            waiting.extendleft(reversed(smaller))
+            waiting += reversed(smaller)
             if not smaller:
                 found.refused |= dict.fromkeys(read.codes, exception_name(outcome.code))
     return found

@@ -7,7 +7,7 @@ from typing import Any
 
 from gateway.contract import OWN_VERBS, InfoRecord
 from gateway.families import Identity, Profile, Variant, command, meaning_of, once_per_profile, printed_name
-from gateway.starters.own_points import own_points
+from gateway.starters.own_points import OwnPoint, own_points
 from gateway.starters.setup import StarterSetup
 from gateway.starters.state import type_of, unit_of
 
@@ -51,7 +51,14 @@ def _describe(profile: Profile, name: str) -> dict[str, Any]:
     }
 
 
+def _describe_own(point: OwnPoint) -> dict[str, Any]:
+    """Return what is said of one of the gateway's own points: no row of the starter is read for it."""
+    name = point.name.replace("_", " ")
+    said = {"code": None, "name": name, "meaning": point.meaning, "unit": point.unit, "type": point.type}
+    return {**said, "enum": None, "deadband": 0.0}
+
+
 @once_per_profile
 def _descriptions(profile: Profile) -> Mapping[str, Mapping[str, Any]]:
-    own = {point.name: point.to_dict() for point in own_points(profile)}
+    own = {point.name: _describe_own(point) for point in own_points(profile)}
     return {name: _describe(profile, name) for name in profile.points} | own

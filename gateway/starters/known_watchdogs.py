@@ -9,8 +9,9 @@ reading, such as the look at the readiness that follows each write; if nothing w
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from functools import lru_cache, partial
 from math import isinf
 from typing import Annotated
 
@@ -18,7 +19,8 @@ from pydantic import Field, TypeAdapter
 
 from gateway.contract import CommandError, Note, Reason, ResultCode
 from gateway.families import Procedure, Profile, diagnosis
-from gateway.line import LineClient, Poll, capacity
+from gateway.line import LineClient, capacity
+from gateway.modbus import LineTiming
 from gateway.starters.setup import StarterSetup, polls_of
 from gateway.store import Documents
 
@@ -27,7 +29,7 @@ SAVED_TOGETHER_S = 1.0  # what is read within so long is saved at once: at a sta
 
 Rows = Mapping[str, tuple[int, ...]]  # raw words by code
 Word = Annotated[int, Field(ge=0, le=0xFFFF, strict=True)]
-OnLine = Sequence[tuple[StarterSetup, float | None]]  # the starters of a line with their watchdogs
+OnLine = tuple[tuple[StarterSetup, float | None], ...]  # the starters of a line with their watchdogs
 
 
 @dataclass(slots=True)
@@ -78,10 +80,6 @@ class KnownWatchdogs:
         limits_s = _limit_s(setup, rows), _limit_s(setup, {**rows, **admitted})
         return min((limit_s for limit_s in limits_s if limit_s), default=None)
 
-    def polls(self, setup: StarterSetup) -> tuple[Poll, ...]:
-        """Return the polls with which a starter begins, with the deadline that they must meet."""
-        return _dated(polls_of(setup), self.limit_s(setup))
-
     def note(self, name: str, rows: Rows) -> None:
         """Record settings that were just read, among others the watchdog's."""
         setup, _ = self._starters.get(name, _UNKNOWN)
@@ -126,13 +124,14 @@ class KnownWatchdogs:
 
     async def gap_s(self, setup: StarterSetup) -> float | None:
         """Return the longest time between two requests to a starter whose line keeps its deadlines."""
-        whole = await asyncio.to_thread(_forecast, setup, self._on_line(setup))
+        whole = await asyncio.to_thread(_forecast, setup.timing, setup.allowance_s, self._on_line(setup))
         return whole.gaps_s.get(setup.address)
 
     async def missed_on(self, setups: Iterable[StarterSetup]) -> dict[str, str]:
         """Return by name, in words, the watchdogs that a line with these starters would miss."""
-        on_line = [(setup, self.limit_s(setup)) for setup in setups]
-        whole = await asyncio.to_thread(_forecast, on_line[0][0], on_line)
+        on_line = tuple((setup, self.limit_s(setup)) for setup in setups)
+        first, _ = on_line[0]
+        whole = await asyncio.to_thread(_forecast, first.timing, first.allowance_s, on_line)
         names = {setup.address: setup.name for setup, _ in on_line}
         return {names[each.unit]: _unkept(each, names[each.unit]).text for each in whole.missed}
 
@@ -146,7 +145,7 @@ class KnownWatchdogs:
     def _on_line(self, setup: StarterSetup) -> OnLine:
         """Return the starters of this one's line with their watchdogs."""
         setups = [each for each, _ in self._starters.values() if each.line == setup.line]
-        return [(each, self.limit_s(each)) for each in setups]
+        return tuple((each, self.limit_s(each)) for each in setups)
 
 
 def _watchdog_rows(profile: Profile, rows: Rows) -> Rows:
@@ -169,14 +168,11 @@ def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
     return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
-def _dated(polls: Iterable[Poll], limit_s: float | None) -> tuple[Poll, ...]:
-    return tuple(replace(poll, deadline_s=limit_s) for poll in polls)
-
-
-def _forecast(setup: StarterSetup, on_line: OnLine) -> capacity.Forecast:
-    """Return what a starter's line is like; this may take some tenths of a second."""
-    polls = [poll for each, limit_s in on_line for poll in _dated(polls_of(each), limit_s)]
-    return capacity.forecast(polls, setup.timing, allowance_s=setup.allowance_s)
+@lru_cache(maxsize=16)  # each starter of a line asks for it: with 247 it takes 50 ms and 1 MB
+def _forecast(timing: LineTiming, allowance_s: float, on_line: OnLine) -> capacity.Forecast:
+    """Return what a line with these starters is like."""
+    polls = [poll for each, limit_s in on_line for poll in polls_of(each, limit_s)]
+    return capacity.forecast(polls, timing, allowance_s=allowance_s)
 
 
 def _unkept(missed: capacity.Missed, starter: str) -> Reason:
@@ -193,11 +189,12 @@ def _refusal(setup: StarterSetup, before: OnLine, limit_s: float) -> CommandErro
     Another's that is missed already speaks against no change.
     """
     names = {each.address: each.name for each, _ in before}
-    known = {each.unit for each in _forecast(setup, before).missed} - {setup.address}
+    forecast = partial(_forecast, setup.timing, setup.allowance_s)
+    known = {each.unit for each in forecast(before).missed} - {setup.address}
 
     def missed(limit_s: float) -> list[capacity.Missed]:
-        after = [(each, limit_s if each is setup else its_s) for each, its_s in before]
-        return [each for each in _forecast(setup, after).missed if each.unit not in known]
+        after = tuple((each, limit_s if each is setup else its_s) for each, its_s in before)
+        return [each for each in forecast(after).missed if each.unit not in known]
 
     found = missed(limit_s)
     if not found:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, Literal, NamedTuple
+from typing import Literal, NamedTuple
 
 from gateway.families import Profile, once_per_profile
 
@@ -26,20 +26,6 @@ class OwnPoint:
     unit: str
     type: Literal["float", "integer", "string"]
     meaning: str
-    is_discrete: bool = False  # each change is published at once
-    is_countdown: bool = False  # falls by itself: what makes it grow is published at once
-
-    def to_dict(self) -> dict[str, Any]:
-        """Return what `info` says of it; `code` is None, since no row of the starter is read for it."""
-        return {
-            "code": None,
-            "name": self.name.replace("_", " "),
-            "meaning": self.meaning,
-            "unit": self.unit,
-            "type": self.type,
-            "enum": None,
-            "deadband": 0.0,
-        }
 
 
 _POINTS = (
@@ -49,26 +35,17 @@ _POINTS = (
     OwnPoint("hours_high", "h", "float", "operating hours at 90 to 120 % of the rated current"),
     OwnPoint("hours_over", "h", "float", "operating hours above 120 % of the rated current"),
     OwnPoint("energy_kwh", "kWh", "float", "energy taken by the motor"),
-    OwnPoint("starts_total", "", "integer", "starts that the gateway has recorded", is_discrete=True),
-    OwnPoint("trips_total", "", "integer", "trips seen by the gateway", is_discrete=True),
-    OwnPoint("trips_by_code", "", "string", "trips seen by the gateway, by fault", is_discrete=True),
-    OwnPoint("starts_left", "", "integer", "starts that the hour still allows", is_discrete=True),
+    OwnPoint("starts_total", "", "integer", "starts that the gateway has recorded"),
+    OwnPoint("trips_total", "", "integer", "trips seen by the gateway"),
+    OwnPoint("trips_by_code", "", "string", "trips seen by the gateway, by fault"),
+    OwnPoint("starts_left", "", "integer", "starts that the hour still allows"),
     OwnPoint(
-        "pause_left_s",
-        "s",
-        "float",
-        "pause that a start must still wait for, at standstill from now on",
-        is_countdown=True,
+        "pause_left_s", "s", "float", "pause that a start must still wait for, at standstill from now on"
     ),
     OwnPoint("standstill_s", "s", "float", "how long the motor stands still"),
-    OwnPoint(
-        "restart_in_s",
-        "s",
-        "float",
-        "estimated time until the motor is cool enough for a start",
-        is_countdown=True,
-    ),
+    OwnPoint("restart_in_s", "s", "float", "estimated time until the motor is cool enough for a start"),
 )
+_FALLING = frozenset({"pause_left_s", "restart_in_s"})  # steadily: if one of them grows, that is news
 
 OWN_POINT_NAMES = frozenset(point.name for point in _POINTS)
 
@@ -115,6 +92,6 @@ class PublicationPace:
             return False
         if now.at_s - last.at_s >= SOONEST_S or bool(value) is not bool(last.value):
             return True
-        if point.is_countdown and isinstance(value, float) and isinstance(last.value, float):
+        if point.name in _FALLING and isinstance(value, float) and isinstance(last.value, float):
             return value > last.value
-        return point.is_discrete
+        return point.type != "float"  # the others are discrete

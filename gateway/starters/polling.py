@@ -12,7 +12,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from math import inf
 
 from gateway.contract import EventCode, phrase
@@ -41,8 +41,8 @@ class _Polled:
 
     block: reading.Block
     every_s: float
-    last_s: float | None = None  # of the last answer; None since the starter was lost, or this is overdue
-    gap_s: float | None = None  # between the last two answers, as far as an over-full line explains it
+    last_s: float = inf  # of the last answer; inf since the starter was lost, or this is overdue
+    gap_s: float = UNKNOWN_GAP_S  # between the last two answers, as far as an over-full line explains it
     stretch: float = 1.0  # of the line's periods at the last answer, by which its next time was planned
     refusals: int = 0  # in a row
     exception: int = 0  # the code of the latest
@@ -52,21 +52,15 @@ class _Polled:
         """Return whether it was refused so often in a row that it is not by chance."""
         return self.refusals >= IN_ROW
 
-    def period_s(self, stretch: float) -> float:
-        """Return how long two answers are apart at most, where the line stretches periods by this much.
+    def overdue_s(self, stretch: float) -> float:
+        """Return when the values of this block are stale unless it is answered before.
 
-        The gap before the last answer may have been a short one: what has changed is read again at once.
+        The line stretches periods by `stretch` now. The gap before the last answer may have been a short one:
+        what has changed is read again at once.
         """
         factor = max(stretch, self.stretch)
         every_s = self.every_s if factor == 1.0 else (self.every_s or FREE_PERIOD_S)
-        return max(every_s * factor, self.gap_s or 0.0)
-
-    def overdue_s(self, stretch: float) -> float:
-        """Return when the values of this block are stale unless it is answered before."""
-        if self.last_s is None:
-            return inf
-        gap_s = UNKNOWN_GAP_S if self.gap_s is None else 0.0
-        return self.last_s + OVERDUE_PERIODS * max(self.period_s(stretch), gap_s) + OVERDUE_GRACE_S
+        return self.last_s + OVERDUE_PERIODS * max(every_s * factor, self.gap_s) + OVERDUE_GRACE_S
 
 
 class Polling:
@@ -77,7 +71,6 @@ class Polling:
         self._line = line
         self._state = ""  # of the starter, by which the pace is chosen
         self._plan = blocks_of(setup, setup.variant)
-        self.is_withdrawn = not setup.is_enabled  # nothing is asked, whatever comes
         self._polled = {setup.key_of(block): _Polled(block, self._every_s(block)) for block in self._plan}
         self.next_overdue_s = inf  # when to look for overdue blocks, at times a little early
         self._vital = vital_codes(setup.profile)
@@ -92,7 +85,7 @@ class Polling:
         """Record that a poll was answered."""
         polled = self._polled[key]
         stretch = polled.stretch = self._line.stretch
-        if polled.last_s is not None:
+        if polled.last_s < inf:
             slowest_s = GAP_PERIODS * (polled.every_s or FREE_PERIOD_S) * stretch
             polled.gap_s = min(at_s - polled.last_s, slowest_s)
         polled.last_s = at_s
@@ -141,12 +134,7 @@ class Polling:
     def note_silence(self) -> None:
         """Record that the starter is lost: nothing is overdue until it answers again."""
         for polled in self._polled.values():
-            polled.last_s, polled.gap_s, polled.refusals = None, None, 0
-
-    def withdraw(self) -> None:
-        """Ask for nothing any more."""
-        self.is_withdrawn = True
-        self._withdraw(tuple(self._polled))
+            polled.last_s, polled.gap_s, polled.refusals = inf, UNKNOWN_GAP_S, 0
 
     def restore(self) -> None:
         """Ask for the whole plan again, whatever was refused."""
@@ -161,7 +149,7 @@ class Polling:
         self._setup = setup
         self._keep_pace()
         plan = blocks_of(setup, variant)
-        if plan != self._plan and not self.is_withdrawn:
+        if plan != self._plan:
             self._plan = plan
             self.restore()
 
@@ -191,26 +179,18 @@ class Polling:
         for polled in self._polled.values():
             overdue_s = polled.overdue_s(stretch)
             if overdue_s <= now_s:
-                polled.last_s = None
+                polled.last_s = inf
                 codes += polled.block.codes
             else:
                 self.next_overdue_s = min(self.next_overdue_s, overdue_s)
         return tuple(codes)
-
-    @property
-    def patience_s(self) -> float:
-        """Return the age up to which a row of the status is still current."""
-        stretch = self._line.stretch
-        periods_s = [p.period_s(stretch) for p in self._polled.values() if p.block.group == "status"]
-        return OVERDUE_PERIODS * max(periods_s, default=self._setup.every_s) + OVERDUE_GRACE_S
 
     def _add(self, block: reading.Block) -> None:
         key = self._setup.key_of(block)
         if key not in self._polled:
             every_s = self._every_s(block)
             self._polled[key] = _Polled(block, every_s)
-            poll = self._setup.poll_of(block, every_s=every_s)
-            self._line.add_poll(replace(poll, deadline_s=None))  # the line has it, and may have a newer one
+            self._line.add_poll(self._setup.poll_of(block, every_s=every_s))  # the line knows the watchdog
 
     def _withdraw(self, keys: Iterable[str]) -> None:
         for key in keys:

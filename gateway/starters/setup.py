@@ -46,15 +46,15 @@ class StarterSetup:
         edition = f"/{self.edition}" if self.edition else ""
         return f"{self.name}/{block.name}{edition}"
 
-    def poll_of(self, block: reading.Block, *, every_s: float) -> Poll:
-        """Return the poll that reads a block."""
+    def poll_of(self, block: reading.Block, *, every_s: float, limit_s: float | None = None) -> Poll:
+        """Return the poll that reads a block; `limit_s` of the watchdog that it must keep from acting."""
         return Poll(
             key=self.key_of(block),
             unit=self.address,
             request=block.request,
             every_s=every_s,
             response_time_s=self.response_time_of(block.request),
-            deadline_s=self.watchdog_s,
+            deadline_s=limit_s,
             group=block.group,
             is_urgent=block.group == "status",
             forms=forms_of(self.profile),
@@ -68,10 +68,13 @@ def blocks_of(setup: StarterSetup, variant: Variant) -> tuple[reading.Block, ...
     return reading.plan_blocks(setup.profile, variant, timing=setup.timing, every_s=setup.every_s)
 
 
-def polls_of(setup: StarterSetup) -> tuple[Poll, ...]:
-    """Return the polls with which a starter's line begins, status first; none for a disabled starter."""
+def polls_of(setup: StarterSetup, limit_s: float | None = None) -> tuple[Poll, ...]:
+    """Return the polls with which a starter's line begins, status first; none for a disabled starter.
+
+    `limit_s` is the time of its watchdog where that is shorter than configured.
+    """
     return tuple(
-        setup.poll_of(block, every_s=block.period_s(setup.every_s))
+        setup.poll_of(block, every_s=block.period_s(setup.every_s), limit_s=limit_s or setup.watchdog_s)
         for block in blocks_of(setup, setup.variant)
     )
 

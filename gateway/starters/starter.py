@@ -15,12 +15,12 @@ from typing import assert_never
 
 from gateway.contract import CommandError, EventCode, RecordWriter, phrase
 from gateway.errors import PortLostError
-from gateway.families import Identity, Profile, Variant, diagnosis, reading
+from gateway.families import Profile, diagnosis, reading
 from gateway.line import Answered, Garbled, LineClient, Outcome, Priority, Refused, Silent
 from gateway.modbus import Request, exception_name
 from gateway.starters.bulk_read import BulkReading, read_in_bulk, short_reads
 from gateway.starters.description import info_of
-from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus
+from gateway.starters.identity import Contact, IdentityRegistry, IdentityStatus, Standing
 from gateway.starters.known_watchdogs import KnownWatchdogs
 from gateway.starters.polling import Polling
 from gateway.starters.setup import Asked, StarterSetup, ask, merged
@@ -102,7 +102,7 @@ class StarterTelemetry:
         self.on_readings: Callable[[Readings], None] = lambda _: None  # of each reply; must not raise
         self.services: list[StarterService] = []
         self._clock = records.clock
-        self._replies = ReplyReader(setup.profile, self._known_rows)
+        self._replies = ReplyReader(setup.profile, lambda: self.snapshot.readings)
         self._polling = Polling(setup, line)
         self.watchdogs = watchdogs
         self.watchdogs.add(setup, line)
@@ -111,7 +111,7 @@ class StarterTelemetry:
             line,
             registry=identities,
             records=records,
-            on_rows=partial(self.watchdogs.note, setup.name),
+            read_rows=self.read_rows,
             on_judged=self._take_identity,
         )
 
@@ -133,7 +133,7 @@ class StarterTelemetry:
     @property
     def is_identified(self) -> bool:
         """Return whether the configured device answers, as known before."""
-        return self.is_answering and self.identity_standing is IdentityStatus.MATCHING
+        return self.is_answering and self.standing.status is IdentityStatus.MATCHING
 
     def ask(self, request: Request, *, lane: Priority, until_s: float = math.inf) -> Asked:
         """Send the starter a request, not later than `until_s`."""
@@ -142,9 +142,9 @@ class StarterTelemetry:
             asked.add_done_callback(lambda _: self._note_written(request))
         return asked
 
-    async def read_rows(self, codes: Iterable[str]) -> BulkReading | None:
-        """Read rows for which everything else goes first; return None when that fails: polls say why."""
-        asked, reads = partial(self.ask, lane=Priority.PATROL), short_reads(self.profile, codes)
+    async def read_rows(self, codes: Iterable[str], lane: Priority = Priority.PATROL) -> BulkReading | None:
+        """Read rows, in general after everything else; return None when that fails: polls say why."""
+        asked, reads = partial(self.ask, lane=lane), short_reads(self.profile, tuple(codes))
         try:
             found = await read_in_bulk(asked, self.profile, reads, tries=1)
         except (CommandError, PortLostError) as error:
@@ -159,7 +159,7 @@ class StarterTelemetry:
 
     def start(self) -> None:
         """Publish what is known so far, usually before the first answer; call once, on the app's loop."""
-        self._publisher.info(info_of(self.setup, self.variant, self.identity))
+        self._publisher.info(info_of(self.setup, self.variant, self.standing.identity))
         self.availability.start(is_enabled=self.setup.is_enabled)
         self._look()
 
@@ -181,9 +181,10 @@ class StarterTelemetry:
 
     def retire(self) -> None:
         """Make room for another: ask for nothing and publish nothing any more; `close` must follow."""
+        self.setup = replace(self.setup, is_enabled=False)
         self._publisher.close()
         self.contact.cancel()
-        self._polling.withdraw()
+        self._polling.replan(self.setup, self.variant)
         self.availability.on_trouble("")
         self.watchdogs.remove(self.setup.name)
 
@@ -241,26 +242,22 @@ class StarterTelemetry:
 
     def _take_late(self, rows: Rows, at_s: float) -> None:
         """Take what rows say that were recorded for a command."""
-        if self._polling.is_withdrawn or self._publisher.is_closed:
+        if self._publisher.is_closed or not self.setup.is_enabled:
             return  # only a stop asks such a starter, and needs its rows
-        known = self._known_rows(at_s)
+        known = self.snapshot.readings
         self._take(sources_of(self.profile).decode(self.variant, rows, known=known), at_s)
 
     def _keep_rows(self, rows: Rows, *, at_s: float) -> None:
         self.snapshot.keep_rows(rows, at_s=at_s)
         if rows.keys().isdisjoint(diagnosis.watchdog_codes(self.setup.profile)):
             return  # as nearly always
-        if self.identity_standing is not IdentityStatus.MISMATCHED:
+        if self.standing.status is not IdentityStatus.MISMATCHED:
             self.watchdogs.note(self.setup.name, rows)
-
-    def _known_rows(self, at_s: float) -> Rows:
-        """Return the rows that were current then."""
-        return self.snapshot.rows_since(at_s - self._polling.patience_s)
 
     def _take_answer(self, key: str, block: reading.Block, answer: Answered) -> None:
         at_s = answer.at_s
-        said = self._replies.read(key, block, self.variant, answer.value, at_s=at_s)
-        if self.contact.standing.is_readable:  # else its values grow old
+        said = self._replies.read(key, block, self.variant, answer.value)
+        if self.standing.is_readable:  # else its values grow old
             self._polling.note_answer(key, at_s=at_s)
         if REFUSED_TOPIC in self.availability.troubles:
             self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
@@ -269,13 +266,11 @@ class StarterTelemetry:
 
     def _take_refusal(self, key: str, refusal: Refused) -> None:
         """Ask in another way, or less often, for what is refused; after a passing refusal nothing changes."""
-        if not refusal.is_lasting:
-            self._look()
-            return
-        unknown = self._polling.note_refusal(key, refusal.code, at_s=refusal.at_s)
+        code, at_s = refusal.code, refusal.at_s
+        unknown = self._polling.note_refusal(key, code, at_s=at_s) if refusal.is_lasting else ()
         if unknown and self._polling.block(key) is None:
             where = f"line={self.setup.line} unit={self.setup.address} starter={self.setup.name}"
-            logger.info("%s refuses %s (%s)", where, *unknown, exception_name(refusal.code))
+            logger.info("%s refuses %s (%s)", where, *unknown, exception_name(code))
         self.availability.set_trouble(REFUSED_TOPIC, self._polling.refusal())
         self._look(doubts=bad(self.snapshot.readings, sources_of(self.profile).fed_by(unknown)))
 
@@ -283,8 +278,7 @@ class StarterTelemetry:
         if self.availability.is_online:
             return
         self.availability.come_online()
-        if self.availability.was_lost:
-            self._polling.restore()
+        self._polling.restore()
         self.contact.begin(is_known=self.watchdogs.is_known(self.setup))
 
     def _go_offline(self, reason: str, frames: tuple[str, ...]) -> None:
@@ -300,17 +294,15 @@ class StarterTelemetry:
         """Take what a reply says into the state, publish it, and hand its good values to the recorders."""
         if not self.availability.is_online:
             self._come_online()
-        standing, read = self.contact.standing, Moment(at_s, self._clock.utc_s(at_s))
+        standing, read = self.standing, Moment(at_s, self._clock.utc_s(at_s))
         if not standing.is_readable:
             self._look(read=read)
             return
-        state, doubts = self.snapshot.state, NO_POINTS
+        state = self.snapshot.state
         points = said.points if at_s >= state.newest_s else state.fresh(said.points, at_s)
-        if said.missing:
-            doubts = bad(self.snapshot.readings, said.missing, standing.contradiction)
         if standing.contradiction:
             points = bad(points, points, standing.contradiction)
-        self._look(points, read, doubts=doubts)
+        self._look(points, read)
         word = self.snapshot.state.status.word
         self.on_readings(Readings(at_s, read.time_s, word, good_values(points)))
 
@@ -341,39 +333,25 @@ class StarterTelemetry:
     # Who answers: what the identity's machine is asked, and what follows from its answers
 
     @property
-    def identity(self) -> Identity:
-        """Return what the device said about itself."""
-        return self.contact.standing.identity
-
-    @property
-    def identity_standing(self) -> IdentityStatus:
-        """Return whether the device has proved to be the configured family, as before."""
-        return self.contact.standing.status
-
-    @property
-    def identity_reason(self) -> str:
-        """Return in words why the identity is not matching; empty when it is."""
-        return self.contact.standing.reason
-
-    @property
-    def contradiction(self) -> str:
-        """Return in what the device contradicts the configuration, so that its values mean nothing."""
-        return self.contact.standing.contradiction
+    def standing(self) -> Standing:
+        """Return who answers, and whether that has proved to be what is configured, as before."""
+        return self.contact.standing
 
     def _take_identity(self) -> None:
         """Publish what follows from who answers, and read at once what counts from now on."""
-        is_family = self.identity_standing not in (IdentityStatus.UNKNOWN, IdentityStatus.MISMATCHED)
-        if is_family:
+        standing = self.standing
+        if standing.is_family:
+            self.variant = merged(self.setup.variant, standing.identity)
+            self._polling.replan(self.setup, self.variant)
             self._polling.restore()  # another device may have refused what this one has
             self.line.retry_refused(self.setup.address)
-            self._take_variant(merged(self.setup.variant, self.identity))
-            self._publisher.info(info_of(self.setup, self.variant, self.identity))
-        reason = self.contradiction
+            self._publisher.info(info_of(self.setup, self.variant, standing.identity))
+        reason = standing.contradiction
         trouble = phrase(EventCode.DEGRADED, "unusable", why=reason) if reason else ""
         self.availability.set_trouble(IDENTITY_TOPIC, trouble)
         self._polling.expedite()
         self._look(doubts=bad(self.snapshot.readings, self.snapshot.readings, reason) if reason else {})
-        for service in self.services if is_family else ():
+        for service in self.services if standing.is_family else ():
             service.begin()
 
     def _why_unknown(self) -> str:
@@ -381,11 +359,5 @@ class StarterTelemetry:
         if not self.availability.is_online:
             reason, was_lost = self.availability.reason, self.availability.was_lost
             return phrase(EventCode.WENT_SILENT, "gone", reason=reason) if was_lost else ""
-        standing = self.contact.standing
+        standing = self.standing
         return standing.contradiction if standing.is_readable else standing.reason
-
-    def _take_variant(self, variant: Variant) -> None:
-        if variant != self.variant:
-            self.variant = variant
-            self._polling.replan(self.setup, variant)
-            self._polling.expedite()  # some rows mean something else now

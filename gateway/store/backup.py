@@ -7,19 +7,17 @@ gives it: the caller says where each goes. A file that does not fit its SHA-256 
 
 from __future__ import annotations
 
-import gzip
 import hashlib
 import io
 import json
 import os
 import re
 import shutil
-import tarfile
 import zlib
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from pydantic import BaseModel, ConfigDict
 
@@ -29,6 +27,9 @@ from gateway.store.import_0_2 import files_of_0_2, import_files, is_file_of_0_2,
 from gateway.store.schema import SCHEMAS
 from gateway.system.instance_lock import FILE
 from gateway.system.whole_files import NEW, private, put_in_place, sync_file
+
+if TYPE_CHECKING:  # imported where a backup is made or read: the service hardly ever does
+    import tarfile
 
 # Also SQLite's journals, the reserve, and new and damaged files.
 OWN_NAMES = re.compile(rf"({'|'.join(map(re.escape, (*SCHEMAS, FILE)))})([.-].*)?")
@@ -125,6 +126,8 @@ def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> Non
 
     `facts` get what is in it. OSError, StoreError.
     """
+    import tarfile
+
     for member in members:
         with member.content.open("rb") as content:
             facts.files[member.name] = _digest(content)
@@ -152,6 +155,9 @@ def write_archive(path: Path, facts: Manifest, members: Sequence[Member]) -> Non
 @contextmanager
 def open_archive(path: Path) -> Iterator[Archive]:
     """Open a backup and verify all of it; DamagedError, NewerError, StoreError when it cannot be read."""
+    import gzip
+    import tarfile
+
     with translated(path):
         try:
             with tarfile.open(path, mode="r:gz") as tar:
@@ -192,6 +198,8 @@ def _digest(content: io.BufferedReader) -> str:
 
 
 def _add(tar: tarfile.TarFile, member: Member) -> None:
+    import tarfile
+
     info = tar.gettarinfo(member.like, arcname=member.name)
     info.type = tarfile.REGTYPE  # also where it is like a folder
     with member.content.open("rb") as file:

@@ -105,3 +105,6 @@ class SupervisedTask:
             await work()
         except Exception:  # the guard at the task's top
             logger.exception("task=%s ended by a bug", self._name)
+        finally:
+            if self._task is asyncio.current_task():
+                self._task = None  # with all that it holds; its owner may live for years

@@ -11,7 +11,7 @@ import pytest
 
 from gateway.app import plugins
 from gateway.app.plugins import MOST, PluginQueue, PluginRunner
-from gateway.contract import AvailabilityRecord, EventCode, Quality, ValueRecord, event_of
+from gateway.contract import AvailabilityRecord, EventCode, Latest, Quality, ValueRecord, event_of
 from tests.virtual_time import run_virtually
 
 RECORD = AvailabilityRecord(starter="pump-1", state="online", since_s=0.0, reason=None)
@@ -65,6 +65,7 @@ class Rig:
         monkeypatch.setattr(plugins, "module_of", lambda _: self)
         gateway: Any = SimpleNamespace(
             in_thread=self._in_thread,
+            latest=Latest(),
             progress=lambda: {"line": self.is_polling},
             publish_event=lambda *event, **fields: self.events.append((event, fields)),
         )

@@ -143,6 +143,18 @@ def test_the_newest_records_are_numbered_and_what_is_forgotten_leaves_its_topic(
     assert {record for _, record in latest.newer_than(seen)} == {None}
 
 
+def test_while_no_consumer_is_there_no_record_is_held_and_the_first_one_gets_all_of_them() -> None:
+    latest = Latest(lambda: [VALUE, INFO])
+
+    latest.put(STATE)  # which the other holds, too
+    held_before = list(latest.newer_than(0))
+    latest.begin()
+    latest.put(newer := replace(VALUE, value=13.0))
+
+    assert held_before == []
+    assert [record for _, record in latest.newer_than(0)] == [newer, INFO]
+
+
 def read(payload: bytes) -> ResultRecord:
     return read_record(ResultRecord, payload, starter="pump", client="alice")
 

@@ -61,7 +61,7 @@ def rows(text: str) -> tuple[Variant, dict[str, Any]]:
             known[name] = {"1": True, "0": False, "?": None}[word]
         else:
             known[name] = tuple(int(each, 0) for each in word.split(","))
-    return Variant.model_validate(variant), known
+    return Variant(**variant), known
 
 
 def prepared(family: str, text: str, known: str = "") -> Preparation:

@@ -26,7 +26,7 @@ GOOD = {
 def known(family: str, changes: str, slot: int | None) -> tuple[Variant, dict[str, Any]]:
     """Return the variant, and good settings with some changes (`P314=?` takes a reading away)."""
     settings = dict(each.split("=") for each in f"{GOOD[family]} {changes}".split())
-    variant = Variant.model_validate({"slot": slot if family == "ssw900" else None})
+    variant = Variant(slot=slot if family == "ssw900" else None)
     return variant, {code: (int(number),) for code, number in settings.items() if number != "?"}
 
 

@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from typing import Any
 
 import pytest
 
-from gateway.plugins.history.series import FINE_S, NAN, Sample, Steps, gathered
+from gateway.contract import Quality, RecordWriter, ValueRecord
+from gateway.plugins.history.series import FINE_S, NAN, AllSeries, Sample, Steps, gathered
+from gateway.system.clock import SystemClock
 
 
 def shown(steps: Steps, now_s: float) -> list[tuple[float, float, float]]:
@@ -46,3 +49,19 @@ def test_longer_steps_have_the_extremes_of_those_in_them_and_what_lies_outside_i
     series = gathered(samples, begin_s=0.0, step_s=2.0, steps=3)
 
     assert series == ([-0.5, 1.5, None], [2.5, 4.5, None], [1.5, 3.5, None])
+
+
+def test_what_no_page_shows_and_nothing_stores_is_not_held() -> None:
+    nothing: Any = None
+    series = AllSeries(RecordWriter(nothing, SystemClock()), nothing, (), has_page=False)
+    value = ValueRecord(
+        starter="pump", point="current", value=12.0, unit="A", quality=Quality.GOOD, time_s=0.0, seq=1
+    )
+
+    known = []
+    for has_page in (False, True, False):
+        series.reconfigure(["pump"], (), has_page=has_page)
+        series.put(value)
+        known.append(series.points("pump"))
+
+    assert known == [[], ["current"], []]

@@ -106,4 +106,4 @@ class LiveStarter:
 
 def variant_of(info: InfoRecord) -> Variant:
     """Return what distinguishes a starter from others of its family."""
-    return Variant.model_validate({key: getattr(info, key) for key in ("model", "firmware", "slot")})
+    return Variant(model=info.model, firmware=info.firmware, slot=info.slot)

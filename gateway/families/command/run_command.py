@@ -92,7 +92,7 @@ def with_run_cleared(
 
 def _scope(variant: Variant, *, is_source: bool) -> Variant:
     """Return whose command words are cleared: where the source changes, those of both slots."""
-    return variant.model_copy(update={"slot": None}) if is_source else variant
+    return replace(variant, slot=None) if is_source else variant
 
 
 def _word_rows(profile: Profile, variant: Variant) -> tuple[str, ...]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import lru_cache, partial
 from operator import itemgetter
 from typing import Any, NamedTuple
@@ -67,21 +67,15 @@ def row_decoder(profile: Profile, variant: Variant, row: Parameter) -> Decoder:
 
 
 def decode_points(
-    profile: Profile,
-    variant: Variant,
-    rows: Mapping[str, tuple[int, ...]],
-    *,
-    names: Iterable[str] | None = None,
+    profile: Profile, variant: Variant, rows: Mapping[str, tuple[int, ...]]
 ) -> dict[str, Decoded]:
-    """Return the points that these rows (raw words by code) give, by name: all, or of `names`."""
-    points = profile.points if names is None else {name: profile.points[name] for name in names}
-    parts = {part: profile.points[part] for point in points.values() for part in point.none_of}
+    """Return the points that these rows (raw words by code) give, by name."""
     found = {
         name: point_decoder(profile, variant, point)(rows[point.code])
-        for name, point in {**points, **parts}.items()
+        for name, point in profile.points.items()
         if point.code in rows
     }
-    for name, point in points.items():
+    for name, point in profile.points.items():
         if point.none_of and all(part in found for part in point.none_of):
             found[name] = _none_of([found[part] for part in point.none_of])
     return found

@@ -7,6 +7,7 @@ what a verb requires, writes and reads back.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from functools import cached_property, lru_cache
 from typing import Literal, TypeVar
 
@@ -304,10 +305,11 @@ def remade(profile: Profile, **changed: object) -> Profile:
     return Profile.model_validate({**fields, **changed})
 
 
-class Variant(Model):
+@dataclass(frozen=True, slots=True)
+class Variant:
     """The differences of a starter from others of its family; unknown until configured or identified."""
 
     model: str | None = None
     firmware: str | None = None
     rated_current_a: float | None = None
-    slot: Literal[1, 2] | None = None  # SSW900: where the RS-485 accessory sits
+    slot: int | None = None  # SSW900: where the RS-485 accessory sits, 1 or 2

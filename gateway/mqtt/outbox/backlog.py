@@ -289,6 +289,9 @@ class Backlog:
         del self._rows[row.id]
         if self._unwritten.pop(row.id, True):
             self._gone[row.id] = row.rank
+        if not self._rows:  # then all three are empty, but keep the room that they once needed
+            for table in (self._rows, self._held, self._unwritten):
+                table.clear()
 
     def _make_room(self) -> None:
         """Give up the oldest of the lowest rank, as long as there is too much and it is at hand."""

@@ -119,6 +119,10 @@ class Outbox:
         if not self._window:
             self._hold(news)
 
+    def records(self) -> list[Record]:
+        """Return the newest record of each retained topic that has one."""
+        return [source for source in self._latest.values() if isinstance(source, Record)]
+
     def topics(self) -> list[str]:
         """Return the retained topics that have a message."""
         return [*self._latest]

@@ -75,9 +75,10 @@ class History:
         publish_event: PublishEvent,
         policy: Policy,
         traced: Sequence[str] = (),
+        has_page: bool,
     ) -> None:
-        """`traced` are the points whose values are stored over time."""
-        self.series = AllSeries(records, store, traced)
+        """`traced` are the points whose values are stored over time; a page shows some others as well."""
+        self.series = AllSeries(records, store, traced, has_page=has_page)
         self._publish_event = publish_event
         self._policy = policy
         self._store = store
@@ -143,11 +144,16 @@ class History:
         self._each(starter, lambda part: part.note_own_rows(rows))
 
     def reconfigure(
-        self, setups: Iterable[StarterSetup], *, changed: Iterable[str] = (), traced: Sequence[str] = ()
+        self,
+        setups: Iterable[StarterSetup],
+        *,
+        changed: Iterable[str] = (),
+        traced: Sequence[str] = (),
+        has_page: bool,
     ) -> None:
         """Record these starters from now on; those of `changed` are other machines, or polled otherwise."""
         wanted = {setup.name: setup for setup in setups}
-        self.series.reconfigure(wanted, traced)
+        self.series.reconfigure(wanted, traced, has_page=has_page)
         for name in self._motors.keys() - wanted.keys():
             self._each(name, lambda part: part.close())
             del self._motors[name]

@@ -23,7 +23,7 @@ from gateway.errors import StoreError
 from gateway.store import HistoryRow, HistoryStore
 
 SERIES = "series"  # kind of the rows
-SHOWN = ("current", "line_voltage", "output_voltage")  # points that are in memory in any case
+SHOWN = ("current", "line_voltage", "output_voltage")  # points that are in memory where a page shows them
 FINE_S, FINE_STEPS = 2.0, 300
 MINUTE_S, MINUTES = 60.0, 540
 HOUR_S, PER_HOUR = 3600.0, 60
@@ -102,28 +102,33 @@ class Steps:
 class AllSeries:
     """The values of all motors; all calls on the app's loop. Only `over` waits for the disk."""
 
-    def __init__(self, records: RecordWriter, store: HistoryStore, points: Iterable[str]) -> None:
-        """`points` are stored; none: nothing is."""
+    def __init__(
+        self, records: RecordWriter, store: HistoryStore, points: Iterable[str], *, has_page: bool
+    ) -> None:
+        """`points` are stored; none: nothing is. `SHOWN` are in memory too where there is a page."""
         self._records = records
         self._store = store
         self._points = tuple(points)
+        self._shown = SHOWN if has_page else ()
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
         self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
         self._beat_s = records.clock.now_s()
 
-    def reconfigure(self, starters: Iterable[str], points: Iterable[str]) -> None:
+    def reconfigure(self, starters: Iterable[str], points: Iterable[str], *, has_page: bool) -> None:
         """Store these points; of a starter that is gone nothing is known from now on, or stored."""
         wanted, now_s = set(starters), self._records.clock.now_s()
         for gone in self._stored_s.keys() - wanted:
             self._write(gone)
             del self._stored_s[gone]
-        self._points = tuple(points)
+        self._points, self._shown = tuple(points), SHOWN if has_page else ()
+        traced = {*self._points, *self._shown}
+        self._steps = {key: both for key, both in self._steps.items() if key[1] in traced}
         for steps in chain.from_iterable(both for key, both in self._steps.items() if key[0] not in wanted):
             steps.put(NAN, now_s)
 
     def put(self, record: ValueRecord) -> None:
         """Record a value, if it is a number of a point that is wanted."""
-        if record.point not in self._points and record.point not in SHOWN:
+        if record.point not in self._points and record.point not in self._shown:
             return
         key, value, now_s = (record.starter, record.point), record.value, self._records.clock.now_s()
         is_known = record.quality is Quality.GOOD and isinstance(value, (int, float))

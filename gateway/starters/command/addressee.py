@@ -29,17 +29,18 @@ class StopAddressee:
 
     def note(self, spoken: Collection[str]) -> Note | None:
         """Return what the result says of the words of a stop, sent in those of these families."""
-        return diagnosis.stop_note(self._starter.profile, self._starter.identity, spoken)
+        return diagnosis.stop_note(self._starter.profile, self._starter.standing.identity, spoken)
 
     @property
     def profile(self) -> Profile:
         """The family that is spoken to."""
-        return diagnosis.stop_profile(self._starter.profile, self._starter.identity)
+        return diagnosis.stop_profile(self._starter.profile, self._starter.standing.identity)
 
     @property
     def variant(self) -> Variant:
         """What is known of it: of another family only what it said itself."""
-        return merged(Variant(), self._starter.identity) if self.is_other else self._starter.variant
+        starter = self._starter
+        return merged(Variant(), starter.standing.identity) if self.is_other else starter.variant
 
     @property
     def snapshot(self) -> Snapshot:

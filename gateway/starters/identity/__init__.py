@@ -3,4 +3,4 @@
 from gateway.starters.identity.contact import Contact, identified
 from gateway.starters.identity.fingerprint import IdentityMismatch
 from gateway.starters.identity.registry import FINGERPRINTS, KNOWN, IdentityRegistry, mismatch_in
-from gateway.starters.identity.standing import IdentityStatus, not_matching
+from gateway.starters.identity.standing import IdentityStatus, Standing, not_matching

@@ -12,16 +12,13 @@ what it is until an answer says otherwise, so that a stop does not change its wo
 from __future__ import annotations
 
 import asyncio
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
-from contextlib import suppress
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterable
 from functools import partial
 from math import inf
 
 from gateway.contract import CommandError, RecordWriter, ResultCode
-from gateway.errors import PortLostError
 from gateway.families import Identity, Profile, Question, device_of, diagnosis
 from gateway.line import Garbled, LineClient, Outcome, Priority, Silent
-from gateway.starters.bulk_read import read_in_bulk, short_reads
 from gateway.starters.identity.fingerprint import IdentityMismatch
 from gateway.starters.identity.registry import IdentityRegistry
 from gateway.starters.identity.standing import (
@@ -46,11 +43,9 @@ FIRST_DOUBT_S, AGAIN_S = 2.0, 60.0  # after which another family is asked again:
 NAME_AGAIN_S = 3600.0  # of a device that is read without a name
 FROM_NAME_S = 60.0  # a silence within so long after FC43 may be its effect
 
-Rows = Mapping[str, tuple[int, ...]]
-
 
 class Contact:
-    """Asks one starter; `on_rows` gets its watchdog's settings, `on_judged` is called once it is judged."""
+    """Asks one starter; `read_rows` reads rows of it, `on_judged` is called once it is judged."""
 
     def __init__(
         self,
@@ -59,7 +54,7 @@ class Contact:
         *,
         registry: IdentityRegistry,
         records: RecordWriter,
-        on_rows: Callable[[Rows], None],
+        read_rows: Callable[[Iterable[str], Priority], Awaitable[object]],
         on_judged: Callable[[], None],
     ) -> None:
         self.standing = Standing()
@@ -67,7 +62,7 @@ class Contact:
         self._line = line
         self._registry = registry
         self._records = records
-        self._on_rows = on_rows
+        self._read_rows = read_rows
         self._on_judged = on_judged
         self._task = SupervisedTask(f"first contact {setup.name}")
         self.cancel, self.close = self._task.cancel, self._task.close
@@ -110,10 +105,7 @@ class Contact:
     async def _meet(self, lane: Priority) -> None:
         """Read the watchdog, then ask until the device is identified."""
         profile = self._setup.profile
-        reads = short_reads(profile, device_of(profile).watchdog_rows)
-        with suppress(CommandError, PortLostError):  # it is read again with the other settings
-            asked = partial(ask, self._line, self._setup, lane=lane)
-            self._on_rows((await read_in_bulk(asked, profile, reads, tries=1)).rows)
+        await self._read_rows(device_of(profile).watchdog_rows, lane)  # if not now, then with the others
         doubt_s = FIRST_DOUBT_S
         while True:
             async for answers in interview(profile, self._answers, self._put):

@@ -35,7 +35,7 @@ FIELDS = tuple(field.name for field in fields(Fingerprint))
 class Known:
     """The last fingerprint that was taken for right, and a configured model that it may contradict."""
 
-    fingerprint: Fingerprint
+    fingerprint: Fingerprint = Fingerprint()
     despite_model: str | None = None  # what stood in the configuration when an operator accepted it
 
 
@@ -62,16 +62,15 @@ def fingerprint_of(identity: Identity) -> Fingerprint:
     )
 
 
-def mismatch_of(known: Known | None, seen: Fingerprint, model: str | None) -> IdentityMismatch | None:
+def mismatch_of(known: Known, seen: Fingerprint, model: str | None) -> IdentityMismatch | None:
     """Return in what a starter differs from the known one, or from its configured model; None: nothing."""
-    before = Fingerprint() if known is None else known.fingerprint
-    configured = model if contradicts(model, seen) else None
+    before, configured = known.fingerprint, model if contradicts(model, seen) else None
     reasons = []
     for name in differences(before, seen):
         was, now = getattr(before, name), getattr(seen, name)
         reasons.append(phrase(EventCode.IDENTITY_CHANGED, "differs", field=name, before=was, now=now))
     contradiction = ""
-    if configured is not None and (known is None or configured != known.despite_model):
+    if configured is not None and configured != known.despite_model:
         spoken = ", ".join(filter(None, (seen.model, seen.rated_current)))
         contradiction = phrase(EventCode.IDENTITY_CHANGED, "contradicts", configured=configured, seen=spoken)
         reasons.append(contradiction)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+from dataclasses import replace
 
 from pydantic import TypeAdapter
 
@@ -42,10 +43,9 @@ class IdentityRegistry:
 
         One that differs in nothing is the known one from now on.
         """
-        known = self._known.get(setup.name)
-        mismatch = mismatch_in(known, setup, identity)
+        mismatch = mismatch_in(self._known.get(setup.name), setup, identity)
         if mismatch is None:
-            self._keep(setup.name, known, fingerprint_of(identity))
+            self._keep(setup.name, fingerprint_of(identity))
         return mismatch
 
     def accept(self, starter: str, mismatch: IdentityMismatch) -> None:
@@ -64,11 +64,12 @@ class IdentityRegistry:
         """Return whether what is known now is on disk."""
         return await self._document.saved()
 
-    def _keep(self, name: str, known: Known | None, seen: Fingerprint) -> None:
-        now = Known(seen) if known is None else Known(completed(seen, known.fingerprint), known.despite_model)
-        if known is None:
+    def _keep(self, name: str, seen: Fingerprint) -> None:
+        if name not in self._known:
             said = ", ".join(f"{field} {value}" for field, value in seen.as_data().items() if value)
             logger.info("%s seen for the first time: %s", name, said)
+        known = self._known.get(name, Known())
+        now = replace(known, fingerprint=completed(seen, known.fingerprint))
         if now != known:
             self._known[name] = now
             self._document.touch()
@@ -76,4 +77,4 @@ class IdentityRegistry:
 
 def mismatch_in(known: Known | None, setup: StarterSetup, identity: Identity) -> IdentityMismatch | None:
     """Return in what a device differs from the one that is known; None when in nothing."""
-    return mismatch_of(known, fingerprint_of(identity), setup.variant.model)
+    return mismatch_of(known or Known(), fingerprint_of(identity), setup.variant.model)

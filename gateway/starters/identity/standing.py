@@ -102,6 +102,11 @@ class Standing:
     event: Event | None = None  # of what holds the commands
     mismatch: IdentityMismatch | None = None  # it waits to be accepted
 
+    @property
+    def is_family(self) -> bool:
+        """Return whether the device has proved to be of the configured family."""
+        return self.status in (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
+
     def become(self, status: IdentityStatus, reason: str, **changes: Any) -> Standing:
         """Return the standing in another status; KeyError where it cannot follow."""
         if status not in TRANSITIONS[self.status]:

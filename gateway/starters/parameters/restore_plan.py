@@ -53,15 +53,12 @@ def plan_restore(
     """
     changes: list[PlannedWrite] = []
     left: dict[str, str] = {}
-    for code, entry in wanted.parameters.items():
-        row = profile.parameters.get(code)
-        if row is None or not reading.is_setting(profile, row):
-            continue
+    for code in restore_codes(profile, wanted):
         if code not in seen:
             left[code] = "the starter does not give it"
             continue
         try:
-            change = _change(profile, variant, row, entry, seen=seen)
+            change = _change(profile, variant, profile.parameters[code], wanted.parameters[code], seen=seen)
         except CommandError as error:
             left[code] = error.text
             continue
@@ -73,7 +70,7 @@ def plan_restore(
 
 
 def restore_codes(profile: Profile, wanted: ParameterSet) -> tuple[str, ...]:
-    """Return the rows that must be read before a restore is planned."""
+    """Return the settings of a set that the family has: they must be read before a restore is planned."""
     rows = (profile.parameters.get(code) for code in wanted.parameters)
     return tuple(row.code for row in rows if row is not None and reading.is_setting(profile, row))
 

@@ -7,6 +7,7 @@ longer than for one of these. What is refused is left out.
 from __future__ import annotations
 
 import asyncio
+import itertools
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Protocol
 
@@ -19,7 +20,7 @@ from gateway.starters.state import Happening, Happenings
 from gateway.system.supervised import SupervisedTask
 
 OWN_EVERY_S = 60.0  # the starter's own counters and thermal level
-SETTINGS_EVERY_S = 3600.0
+SETTINGS_EVERY = 60  # readings of the counters, one of the settings: an hour
 AGAIN_S = 1.0  # before what was not answered is asked for again,
 TRIES = 5  # that often after a trip
 
@@ -81,13 +82,11 @@ class PastReader(StarterService):
         )
 
     async def _read_own(self) -> None:
-        profile, now_s = self._starter.profile, asyncio.get_running_loop().time
-        settings_s = -SETTINGS_EVERY_S
-        while self._starter.is_answering:  # its next identification begins this again
-            codes = own_codes(profile)
-            if now_s() - settings_s >= SETTINGS_EVERY_S:
-                codes, settings_s = (*codes, *_settings(profile)), now_s()
-            found = await self._read(codes)
+        counters, settings = own_codes(self._starter.profile), _settings(self._starter.profile)
+        for count in itertools.count():
+            if not self._starter.is_answering:
+                return  # its next identification begins this again
+            found = await self._read(counters if count % SETTINGS_EVERY else (*counters, *settings))
             values = {code: entry.value for code, entry in found.items()}
             numbers = {code: float(each) for code, each in values.items() if isinstance(each, int | float)}
             self._listener.note_own_rows(self._starter.setup.name, numbers)

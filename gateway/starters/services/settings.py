@@ -2,8 +2,9 @@
 
 1. Once the starter is identified, and after each write to one of them, the rows are read that decide about a
    remote start and its watchdogs. They are the event `readiness` when they say something else.
-2. All settings are read round and round, a block at a time. One that says something else than before is the
-   event `parameter_changed`; the first reading of all is none, nor is the first after an own write.
+2. All settings are read round and round, a block at a time; after a silence the round goes on. A setting
+   that says something else than before is the event `parameter_changed`; the first reading of all is none,
+   nor is the first after an own write.
 3. A row that is refused is left out for an hour, unless it is a watchdog's.
 """
 
@@ -11,7 +12,6 @@ from __future__ import annotations
 
 import asyncio
 import itertools
-from collections import deque
 from collections.abc import Mapping
 from functools import partial
 from math import inf
@@ -21,7 +21,6 @@ from gateway.contract import EventCode, Severity, phrase
 from gateway.families import (
     Parameter,
     Profile,
-    Read,
     Weight,
     diagnosis,
     once_per_profile,
@@ -29,7 +28,6 @@ from gateway.families import (
 )
 from gateway.modbus import Request
 from gateway.starters.bulk_read import short_reads
-from gateway.starters.identity import IdentityStatus
 from gateway.starters.parameters.model import ParameterEntry, entries_of
 from gateway.starters.starter import StarterService, StarterTelemetry
 from gateway.system.rate_limits import ChangeDetector
@@ -37,12 +35,11 @@ from gateway.system.supervised import SupervisedTask
 
 PAUSES_S = (5.0, 30.0, 120.0)  # before each further attempt to read what decides about a start
 AFTER_WRITE_S = 1.0  # a command may write more
-EVERY_S = 60.0  # one block of the laps; an SSW900's settings are some 20 blocks
-FIRST_LAP_EVERY_S = 10.0  # at first, and after each silence: changes are to be noticed soon
+EVERY_S = 60.0  # one block; an SSW900's settings are some 20 blocks
+FIRST_ROUND_EVERY_S = 10.0  # at first, and after each silence: changes are to be noticed soon
 REFUSED_FOR_S = 3600.0
 WATCHDOG_TOPIC = "watchdog"  # of what keeps a starter from being read whole
 
-IDENTIFIED = (IdentityStatus.MATCHING, IdentityStatus.CHANGED, IdentityStatus.OTHER_SLOT)
 _SEVERITIES = {Weight.NOTE: Severity.INFO, Weight.WARNING: Severity.WARNING, Weight.ERROR: Severity.ERROR}
 
 Words = tuple[int, ...]
@@ -57,15 +54,16 @@ class SettingsWatch(StarterService):
         recalled = starter.watchdogs.rows(starter.setup.name)
         self._known = {code: words for code, words in recalled.items() if code in self._watched}
         self._refused_s: dict[str, float] = {}  # by row: when it was refused
-        self._lap: deque[Read] = deque()  # its reads that are still to be made
+        self._next = 0  # the block of the settings that is read next
         self._published = ChangeDetector()  # what the last event `readiness` was made of
         self._readiness = SupervisedTask(f"readiness {starter.setup.name}")
         self._patrol = SupervisedTask(f"keypad {starter.setup.name}")
 
     def begin(self) -> None:
-        """Look at the readiness, and go on with the laps."""
+        """Look at the readiness, and go on with the round of all settings."""
         self._readiness.begin(self._look_until_read)
-        self._patrol.begin(self._walk)
+        if self._watched:
+            self._patrol.begin(self._walk)
 
     def note_written(self, request: Request) -> None:
         """Forget the rows that the gateway has written; look at the readiness if it hangs on them."""
@@ -86,7 +84,7 @@ class SettingsWatch(StarterService):
         starter = self._starter
         for pause_s in itertools.chain((after_s, *PAUSES_S), itertools.repeat(PAUSES_S[-1])):
             await asyncio.sleep(pause_s)
-            if not starter.is_answering or starter.identity_standing not in IDENTIFIED:
+            if not starter.standing.is_family:
                 return  # its next identification begins this again
             codes, began_s = diagnosis.readiness_codes(starter.profile), asyncio.get_running_loop().time()
             found = await starter.read_rows(codes)
@@ -102,26 +100,23 @@ class SettingsWatch(StarterService):
                 return
 
     async def _walk(self) -> None:
-        every_s, now_s = FIRST_LAP_EVERY_S, asyncio.get_running_loop().time
-        vital = diagnosis.watchdog_codes(self._starter.profile)
-        while self._watched:
-            since_s = now_s() - REFUSED_FOR_S
-            codes = [c for c in self._watched if c in vital or self._refused_s.get(c, -inf) <= since_s]
-            is_rest = bool(self._lap)  # of a lap before a silence: a whole one follows as fast
-            self._lap = self._lap or deque(short_reads(self._starter.profile, codes))
-            if not self._lap:  # each row was refused
-                await asyncio.sleep(REFUSED_FOR_S)
-            while self._lap:
-                await asyncio.sleep(every_s)
-                if not self._starter.is_identified:
-                    return  # its next identification goes on from here
-                found = await self._starter.read_rows(self._lap.popleft().codes)
-                if found is None:
-                    continue
-                self._refused_s |= dict.fromkeys(found.refused, now_s())
-                if self._note_reading(found.rows):
-                    self._readiness.begin(self._look_until_read)
-            every_s = every_s if is_rest else EVERY_S
+        """Read the settings block by block; the first round goes faster."""
+        starter, now_s = self._starter, asyncio.get_running_loop().time
+        blocks = short_reads(starter.profile, tuple(self._watched))
+        vital = diagnosis.watchdog_codes(starter.profile)
+        for count in itertools.count():
+            await asyncio.sleep(FIRST_ROUND_EVERY_S if count < len(blocks) else EVERY_S)
+            if not starter.is_identified:
+                return  # its next identification goes on from here
+            block, since_s = blocks[self._next], now_s() - REFUSED_FOR_S
+            self._next = (self._next + 1) % len(blocks)
+            codes = [c for c in block.codes if c in vital or self._refused_s.get(c, -inf) <= since_s]
+            found = await starter.read_rows(codes)
+            if found is None:
+                continue
+            self._refused_s |= dict.fromkeys(found.refused, now_s())
+            if self._note_reading(found.rows):
+                self._readiness.begin(self._look_until_read)
 
     def _note_reading(self, rows: Mapping[str, Words]) -> bool:
         """Take settings that were just read; publish those that have changed, and return whether one has."""
@@ -155,7 +150,7 @@ class SettingsWatch(StarterService):
             rows,
             gap_s=gap_s,
             watchdog_s=setup.watchdog_s,
-            slot_trouble=diagnosis.slot_trouble(starter.profile, setup.variant, starter.identity),
+            slot_trouble=diagnosis.slot_trouble(starter.profile, setup.variant, starter.standing.identity),
         )
         said = (tuple(sorted(rows.items())), tuple(finding.weight for finding in findings))
         if not findings or not self._published.is_new(said):

@@ -8,9 +8,10 @@ from typing import Any, NamedTuple
 
 from gateway.contract import Quality
 from gateway.families import TYPE_LIMITS, Profile, Type, Variant, decode, once_per_profile, reading
-from gateway.starters.state.readings import Points, Reading
+from gateway.starters.state.readings import NO_POINTS, Points, Reading
 
 ON, OFF = Reading(True, "", Quality.GOOD), Reading(False, "", Quality.GOOD)  # noqa: FBT003 - values
+NOT_KNOWN = Reading(None, "", Quality.BAD)
 
 _MOST_CACHED = 256
 
@@ -24,7 +25,6 @@ class Said(NamedTuple):
 
     rows: Rows
     points: Points
-    missing: tuple[str, ...] = ()  # points for which a row is missing
 
 
 class ReplyPlan(NamedTuple):
@@ -32,7 +32,7 @@ class ReplyPlan(NamedTuple):
 
     rows: tuple[tuple[int, int, str], ...]  # begin and end of their words, and the code; of aliases, too
     fed: tuple[str, ...]  # the points that depend on these rows
-    is_complete: bool  # none of these needs another row
+    is_complete: bool  # none of these is made of a point from another row
 
 
 class PointSources:
@@ -52,24 +52,20 @@ class PointSources:
         return self._fed_by(frozenset(codes))
 
     def decode(
-        self, variant: Variant, rows: Rows, *, known: Rows = NO_ROWS, fed: Iterable[str] | None = None
+        self, variant: Variant, rows: Rows, *, known: Points = NO_POINTS, fed: Iterable[str] | None = None
     ) -> Said:
-        """Return what freshly read rows say together with `known` ones; `fed`: their points, where known."""
-        decoders = self._decoders(variant)
-        fed = self.fed_by(rows) if fed is None else fed
-        points, several = {}, list[str]()  # of one row each, and of several
-        missing: tuple[str, ...] = ()
-        for name in fed:
+        """Return what freshly read rows say; `known` points are parts of others, `fed` theirs where known."""
+        decoders, points, made = self._decoders(variant), dict[str, Reading](), list[str]()
+        for name in self.fed_by(rows) if fed is None else fed:
             if name in decoders:
                 code, decoded = decoders[name]
                 points[name] = _reading(decoded(rows[code]))
             else:
-                several.append(name)
-        if several:
-            found = decode.decode_points(self._profile, variant, {**known, **rows}, names=several)
-            points |= {name: _reading(new) for name, new in found.items() if name in fed}
-            missing = tuple(name for name in several if name not in points)
-        return Said(rows, points, missing)
+                made.append(name)  # of other points, which may come after it
+        for name in made:
+            parts = self._profile.points[name].none_of
+            points[name] = _none_of([points.get(part) or known.get(part, NOT_KNOWN) for part in parts])
+        return Said(rows, points)
 
     def _find_fed(self, codes: frozenset[str]) -> tuple[str, ...]:
         return tuple(name for name, sources in self._codes_of.items() if not codes.isdisjoint(sources))
@@ -85,12 +81,11 @@ class PointSources:
         return ReplyPlan(rows, fed, all(self._codes_of[name] <= codes for name in fed))
 
     def _make_decoders(self, variant: Variant) -> Decoders:
-        """Return the row and the decoder of each point that is decoded from one row."""
-        points = self._profile.points
+        """Return the row and the decoder of each point that is not made of others."""
         return {
-            name: (code, decode.point_decoder(self._profile, variant, points[name]))
-            for name, (code, *more) in self._codes_of.items()
-            if not more
+            name: (point.code, decode.point_decoder(self._profile, variant, point))
+            for name, point in self._profile.points.items()
+            if not point.none_of
         }
 
 
@@ -99,6 +94,14 @@ def _reading(new: decode.Decoded) -> Reading:
     if isinstance(new.value, bool):
         return ON if new.value else OFF
     return Reading(new.value, new.unit, Quality.BAD if new.value is None else Quality.GOOD, new.label)
+
+
+def _none_of(parts: Sequence[Reading]) -> Reading:
+    """Return the reading of a point that is true while none of its parts is; one that is decides alone."""
+    values = [part.value for part in parts if part.quality is Quality.GOOD]
+    if any(values):
+        return OFF
+    return ON if len(values) == len(parts) else NOT_KNOWN
 
 
 @once_per_profile
@@ -114,33 +117,31 @@ class _Replies(NamedTuple):
     variant: Variant
     plan: ReplyPlan
     words: Sequence[Any] = ()
-    said: Said = Said({}, {})
+    said: Said = Said({}, {})  # but its rows, which the snapshot has
 
 
 class ReplyReader:
     """Reads the replies of one starter to its polls: most say the same as the one before.
 
-    `known` returns the rows that were current at a time, of which points with several rows may need some.
+    `known` returns the points as they are known, of which others may be made.
     """
 
-    def __init__(self, profile: Profile, known: Callable[[float], Rows]) -> None:
+    def __init__(self, profile: Profile, known: Callable[[], Points]) -> None:
         self._sources = sources_of(profile)
         self._known = known
         self._replies: dict[str, _Replies] = {}  # by the poll's key
 
-    def read(
-        self, key: str, block: reading.Block, variant: Variant, words: Sequence[Any], *, at_s: float
-    ) -> Said:
+    def read(self, key: str, block: reading.Block, variant: Variant, words: Sequence[Any]) -> Said:
         """Return what a reply says."""
         replies, sources = self._replies.get(key), self._sources
         if replies is None or replies.block is not block or replies.variant is not variant:
             replies = _Replies(block, variant, sources.plan(block))
-        elif words == replies.words and replies.plan.is_complete:
-            return replies.said
         rows = {code: tuple(map(int, words[begin:end])) for begin, end, code in replies.plan.rows}
-        known = NO_ROWS if replies.plan.is_complete else self._known(at_s)
+        if words == replies.words and replies.plan.is_complete:
+            return replies.said._replace(rows=rows)
+        known = NO_POINTS if replies.plan.is_complete else self._known()
         said = sources.decode(variant, rows, fed=replies.plan.fed, known=known)
-        self._replies[key] = replies._replace(words=words, said=said)
+        self._replies[key] = replies._replace(words=words, said=said._replace(rows=NO_ROWS))
         return said
 
 

@@ -58,18 +58,13 @@ def due_values(
     now_s: float,
     refresh_s: float = REFRESH_S,
 ) -> tuple[Published, Points]:
-    """Return the values that are to be published now, and what has been published once they are.
-
-    While nothing is new and nothing is due this costs nothing.
-    """
+    """Return the values that are to be published now, and what has been published once they are."""
     latest_s = max(refresh_s - TICK_S, SOONEST_S)  # the timer may run out a tick late
     if now_s >= before.refresh_at_s:
         oldest_s = min((last.at_s for last in before.sent.values()), default=inf)
         before = before._replace(refresh_at_s=oldest_s + latest_s)
     is_refreshed = now_s >= before.refresh_at_s
     points, known = state.points, before.points
-    if points is known and now_s < before.soonest_s and not is_refreshed:
-        return before, {}
     old_s = now_s - latest_s * (1 - TOGETHER) if is_refreshed else -inf
     names: Iterable[str] = points
     if before.sent and not is_refreshed:

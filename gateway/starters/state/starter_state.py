@@ -189,8 +189,9 @@ def _judged(state: StarterState, news: NewReadings, profile: Profile) -> tuple[S
     if trip is None:  # else the next move follows the end of the fault
         motion, moves = _moved(motion, settled, new.get(STATE), time_s)
         events += moves
+    status = _status(state, good, word, profile, trip)
     after = state._replace(
-        status=_status(state, good, word, profile, trip),
+        status=state.status if status == state.status else status,  # that one is held by what was published
         settled=settled,
         trip=trip,
         motion=motion,

@@ -216,7 +216,7 @@ test_sets_of_parameters = played(SETS)
 
 
 FILES_SAVED = {
-    f"{name}.toml": f'[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\nP314 = {seconds}\n'
+    f"{name}.toml": f'[starter]\nname = "p"\nfamily = "{family}"\n[parameters]\np314 = {seconds}\n'
     for name, family, seconds in (("a", "ssw07", 3), ("b", "ssw07", 5), ("c", "ssw06", 3))
 }
 FILES_SAVED["new.toml"] = (

@@ -9,7 +9,7 @@ import pytest
 
 from tests.rig import command, msg, never, played, result, retained, row, scene, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import ALICE, QUICK, SITES, SSW06, SSW07, SSW900
+from tests.rig.sites import ALICE, QUICK, SITES, SST, SSW07, SSW900
 
 
 def of(starter: str, code: str, **fields: Any) -> Expectation:
@@ -39,15 +39,6 @@ MOTORS = [
                 ),
                 no("pump", "fault"),
             ],
-        },
-    ),
-    row(
-        "local and remote operation are events, at the keypad too",
-        given=SSW900,
-        at={0: "mill S5.1.1 = 0x0102", 3: "mill S5.1.1 = 0x0002", 6: "mill S5.1.1 = 0x0102"},
-        then={
-            5.9: [of("mill", "local_operation"), no("mill", "remote_operation")],
-            9: [of("mill", "local_operation"), of("mill", "remote_operation")],
         },
     ),
 ]
@@ -133,29 +124,16 @@ TRIPS += [
     for name, number in TRIPPED_BY.items()
 ]
 
-BY_FAMILY = [  # the words of a running motor, those of its trip, and the alarms that these are
-    ("pump VB01 = 0x5123", "pump VB01 = 0x8000, pump P014 = 42", {"e42": "E42.*not in the manual"}),
-    ("fan VB01 = 0x5123", "fan VB01 = 0x8002", {"fault": ""}),  # it gives no number
-    ("mill S5.1.1 = 0x0163", "mill S5.1.1 = 0x8102, mill D1.1.1 = 128", {"f128": "timeout"}),
-    (  # its errors are coils
-        "belt R19 = 2",
-        "belt COIL9 = 1, belt COIL12 = 1, belt COIL17 = 1, belt R19 = 0",
-        {"coil12": "Overcurrent", "coil17": "Phase loss"},
-    ),
-]
 TRIPS += [
     scene(
-        f"{words}: its alarms, and one event",
-        SITES[words.split()[0]],
-        {0: running, 5: words.split(", ")},
+        "several faults at once are an alarm each, and one event",
+        SST,
+        {0: "belt R19 = 2", 5: ["belt COIL9 = 1", "belt COIL12 = 1", "belt COIL17 = 1", "belt R19 = 0"]},
         8,
-        of(name := words.split()[0], "fault", data={"alarm": min(alarms)}),
-        *(
-            msg(f"starter/{name}/alarm/{code}", active=True, severity="fault", text=re.compile(text))
-            for code, text in alarms.items()
-        ),
+        of("belt", "fault", data={"alarm": "coil12"}, text=re.compile("Overcurrent.*Phase loss")),
+        msg("starter/belt/alarm/coil12", active=True, text=re.compile("Overcurrent")),
+        msg("starter/belt/alarm/coil17", active=True, text=re.compile("Phase loss")),
     )
-    for running, words, alarms in BY_FAMILY
 ]
 
 ALARMS = [
@@ -181,15 +159,6 @@ ALARMS = [
                 seen("starter/mill/event", times=1, code="cleared"),
             ],
             20: [msg("starter/mill/alarm/a005", active=False), no("mill", "fault")],
-        },
-    ),
-    row(
-        "an SSW-06's alarm bit is the alarm `alarm`",
-        given=SSW06,
-        at={4: "fan alarm", 10: "fan clear"},
-        then={
-            8: [msg("starter/fan/alarm/alarm", active=True, severity="alarm"), of("fan", "alarm")],
-            14: msg("starter/fan/alarm/alarm", active=False, count=1),
         },
     ),
 ]

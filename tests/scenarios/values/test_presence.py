@@ -8,7 +8,7 @@ from collections.abc import Callable
 
 from tests.rig import RigPlant, clean_line, event, fault, msg, never, played, row, scene, seen
 from tests.rig.rows import Expectation
-from tests.rig.sites import SITES, SSW07, SSW900, starter
+from tests.rig.sites import SITES, SST, SSW07, SSW900, starter
 from tests.scenarios.values.words import answers, reads_any, refuse_rows
 
 PUMP = "starter/pump/"
@@ -133,6 +133,23 @@ REFUSALS = [
             },
         )
         for name, register, code in (("pump", 5001, 2), ("fan", 5001, 1), ("mill", 680, 3), ("belt", 19, 2))
+    ),
+    row(
+        "a point that is made of two others goes on while both do, read one by one since a third is refused",
+        given=SST,
+        at={
+            5: refuse_rows("belt", {16}, functions=(1,)),
+            40: "belt COIL7 = 1",
+            60: [refuse_rows("belt", {6}, functions=(1,)), "belt COIL7 = 0"],
+        },
+        then={
+            40: [
+                msg("starter/belt/value/coil17", quality="bad"),
+                never("starter/belt/value/remote", since=6, quality="bad"),
+            ],
+            50: msg("starter/belt/value/remote", value=False, quality="good"),
+            80: msg("starter/belt/value/remote", value=None, quality="bad"),
+        },
     ),
     row(
         "a refusal now and then costs no poll and no value",

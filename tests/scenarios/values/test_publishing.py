@@ -2,27 +2,13 @@
 
 from __future__ import annotations
 
-from tests.rig import apart, msg, played, row, scene, seen
+from tests.rig import apart, msg, played, row, scene
 from tests.rig.sites import ALICE, SSW06, SSW07, starter, table
 
 CURRENT = "starter/pump/value/current"
 
 
 EXCEPTION = [
-    row(
-        "small changes add up: the deadband counts from what was published",
-        given=SSW07,
-        at={0: "pump P003 = 400", 5: "pump P003 = 403", 10: "pump P003 = 406"},
-        then={20: msg(CURRENT, value=40.6)},
-    ),
-    row(
-        "what has not changed is published again after 300 s",
-        given=SSW07,
-        then={
-            299: seen(CURRENT, times=1, quality="good"),
-            320: seen(CURRENT, times=2, quality="good", value=0.0),
-        },
-    ),
     row(
         "`mqtt.refresh_s` sets how soon",
         given=table("mqtt", url="mqtt://127.0.0.1", refresh_s=20.0) + SSW07,

@@ -2,25 +2,13 @@
 
 from __future__ import annotations
 
-from tests.rig import RigPlant, command, event, frames, never, played, result, row, scene, seen
+from tests.rig import RigPlant, command, event, frames, never, played, result, row, seen
 from tests.rig.rows import Expectation
 from tests.rig.sites import ALICE, FOUR, SITES, SSW07, SSW900
 from tests.scenarios.values.words import answers, nothing_written, refuse_rows
 
 EVENTS = "starter/pump/event"
-
-
-def _watchdogs(name: str, **expected: float) -> Expectation:
-    """The newest `readiness` has these watchdogs, by parameter, in seconds."""
-
-    def check(plant: RigPlant) -> str:
-        newest = [
-            each.json for each in plant.messages(f"starter/{name}/event") if each.json["code"] == "readiness"
-        ][-1]
-        found = {each["parameter"]: each["after_s"] for each in newest["data"]["watchdogs"]}
-        return "" if found == expected else str(found)
-
-    return check
+DOES = "shows E28 and disables the motor, which coasts"
 
 
 def _readiness(name: str, *, times: int) -> Expectation:
@@ -55,43 +43,44 @@ SELDOM_POLLED, SELDOM_POLLED_900 = (
 NAMES = ("pump", "fan", "mill", "belt")
 ROWS = [
     row(
-        "an SSW-07's watchdog is read at first contact, and counts for the line",
+        "a starter that does not take its commands from the line is an event, which names its watchdog",
         given=SSW07,
-        sim={"pump": {"settings": {314: 5, 313: 2}}},
+        sim={"pump": {"settings": {230: 0, 313: 2, 314: 5}}},
         then={
-            3: [_watchdogs("pump", P314=5.0)],
-            35: lambda plant: (
-                "" if plant.last("gateway/line/pumps")["watchdogs"]["longest_share"] > 0 else "not counted"
-            ),
-        },
-    ),
-    scene(
-        "a starter that does not take its commands from the line is an event with its remedy",
-        SSW07,
-        {},
-        10,
-        event("readiness", EVENTS, severity="error", data={"would_refuse_start": True, "findings": ...}),
-        sim={"pump": {"settings": {230: 0}}},
-    ),
-    row(
-        "a setting changed at the keypad is found by the patrol, and the readiness is looked at again",
-        given=SSW07,
-        at={55: "pump P314 = 30"},
-        then={
-            54: never(EVENTS, code="parameter_changed"),
-            500: seen(
+            3: event(
+                "readiness",
                 EVENTS,
-                times=1,
-                code="parameter_changed",
-                severity="warning",
+                severity="error",
                 data={
-                    "parameter": "P314",
-                    "before": {"value": 0.0, "unit": "s", "raw": [0], "label": "off"},
-                    "after": {"value": 30.0, "unit": "s", "raw": [30]},
+                    "would_refuse_start": True,
+                    "findings": ...,
+                    "watchdogs": [{"parameter": "P314", "after_s": 5.0, "does": DOES}],
                 },
             ),
-            500.5: _readiness("pump", times=2),
         },
+    ),
+    *(
+        row(
+            f"a setting changed at the keypad is found, and the readiness is looked at again ({name})",
+            given=SITES[name],
+            at={55: f"{name} {code} = 30"},
+            then={
+                54: never(f"starter/{name}/event", code="parameter_changed"),
+                500: seen(
+                    f"starter/{name}/event",
+                    times=1,
+                    code="parameter_changed",
+                    severity="warning",
+                    data={"parameter": code, "before": {"raw": [0]}, "after": {"raw": [30], **after}},
+                ),
+                500.5: _readiness(name, times=2),
+            },
+        )
+        for name, code, after in (
+            ("pump", "P314", {"value": 30.0, "unit": "s"}),
+            ("fan", "P314", {}),
+            ("mill", "C8.2.5.3", {"value": 3.0}),
+        )
     ),
     row(
         "a setting that the gateway itself has changed is no event",
@@ -126,17 +115,6 @@ ROWS = [
         "each family says once whether it is ready, and nothing is written for that",
         given=FOUR,
         then={60: [check(name) for name in NAMES for check in (_is_said_once, nothing_written)]},
-    ),
-    *(
-        scene(
-            f"a watchdog set at the keypad is an event, and the readiness is looked at again ({name})",
-            SITES[name],
-            {60: f"{name} {code} = 70"},
-            500,
-            seen(f"starter/{name}/event", times=1, code="parameter_changed", data={"parameter": code}),
-            _readiness(name, times=2),
-        )
-        for name, code in (("fan", "P314"), ("mill", "C8.2.5.3"))
     ),
     row(
         "a readiness that could not be read is looked at again",

@@ -9,17 +9,26 @@ from tests.rig import RigPlant, msg
 from tests.rig.rows import Action, Expectation
 
 
-def refuse_rows(name: str, addresses: Iterable[int], code: int = 2, *, for_s: float | None = None) -> Action:
+def refuse_rows(
+    name: str,
+    addresses: Iterable[int],
+    code: int = 2,
+    *,
+    for_s: float | None = None,
+    functions: tuple[int, ...] = (3, 4),
+) -> Action:
     """Have a starter refuse each read that has one of these registers in it, with an exception code."""
     return answers(
-        name, lambda pdu: bytes((pdu[0] | 0x80, code)) if reads_any(pdu, addresses) else b"", for_s=for_s
+        name,
+        lambda pdu: bytes((pdu[0] | 0x80, code)) if reads_any(pdu, addresses, functions) else b"",
+        for_s=for_s,
     )
 
 
-def reads_any(pdu: bytes, addresses: Iterable[int]) -> bool:
+def reads_any(pdu: bytes, addresses: Iterable[int], functions: tuple[int, ...] = (3, 4)) -> bool:
     """Return whether a request is a read that has one of these registers in it."""
     first, count = int.from_bytes(pdu[1:3], "big"), int.from_bytes(pdu[3:5], "big")
-    return pdu[0] in (3, 4) and any(first <= each < first + count for each in addresses)
+    return pdu[0] in functions and any(first <= each < first + count for each in addresses)
 
 
 def answers(

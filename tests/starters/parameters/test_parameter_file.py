@@ -36,14 +36,6 @@ def test_what_is_written_is_read_again_as_it_was(
     assert from_toml(to_toml(one), "a.toml") == one
 
 
-def test_people_may_write_bare_values_and_small_letters() -> None:
-    text = '[starter]\nname = "p"\nfamily = "ssw07"\n[parameters]\np314 = 30\nP230 = "Serial"\n'
-
-    found = from_toml(text, "a.toml").parameters
-
-    assert (found["P314"].value, found["P230"].value) == (30, "Serial")
-
-
 @pytest.mark.parametrize(
     ("text", "named"),
     [

@@ -55,7 +55,10 @@ MOTION = [
         ((2, RUN), (3, RUN), (12, REST), (13, REST)),
         ["2 the motor has started (previous state: ready)", "12 the motor has stopped"],
     ),
-    (((2, LOCAL), (3, LOCAL)), ["2 the starter was switched to local operation"]),
+    (
+        ((2, LOCAL), (3, LOCAL), (4, "lost"), (30, LOCAL), (31, LOCAL), (33, REST), (34, REST)),
+        ["2 the starter was switched to local operation", "33 the starter accepts remote commands again"],
+    ),
     (((2, "lost"), (30, RUN), (31, RUN)), ["30 the motor has started (previous state: ready)"]),
     (((2, "lost"), (30, REST), (31, REST)), []),
 ]

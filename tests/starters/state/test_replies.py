@@ -8,7 +8,7 @@ import pytest
 
 from gateway.families import FAMILIES, Variant, load_profile
 from gateway.families.reading import plan_blocks, split
-from gateway.starters.state import ReplyReader, sources_of
+from gateway.starters.state import Reading, ReplyReader, sources_of
 
 VARIANT = Variant(model="SSW-06 85.0A", firmware="1.30")
 
@@ -17,8 +17,8 @@ VARIANT = Variant(model="SSW-06 85.0A", firmware="1.30")
 @pytest.mark.parametrize("family", FAMILIES)
 def test_a_reply_says_what_its_words_say_whatever_came_before_it(family: str, *, is_split: bool) -> None:
     profile, chance = load_profile(family), random.Random(family)
-    known: dict[str, tuple[int, ...]] = {}
-    reader = ReplyReader(profile, lambda _: known)
+    known: dict[str, Reading] = {}
+    reader = ReplyReader(profile, lambda: known)
     whole = plan_blocks(profile, VARIANT)
     for block in [row for each in whole for row in split(each)] if is_split else whole:
         is_bits, size = block.table.is_bits, block.end - block.address
@@ -32,7 +32,7 @@ def test_a_reply_says_what_its_words_say_whatever_came_before_it(family: str, *,
                 for same in profile.rows_at[row.table, row.address]
             }
 
-            said = reader.read(block.name, block, VARIANT, tuple(words), at_s=0.0)
+            said = reader.read(block.name, block, VARIANT, tuple(words))
 
-            known |= rows
             assert said == sources_of(profile).decode(VARIANT, rows, known=known)
+            known |= said.points

@@ -65,10 +65,10 @@ def demand_identified(request: CommandRequest, starter: StarterTelemetry) -> Non
     """Demand that the starter is online and as configured; of another one the raw words may be read."""
     if not starter.is_answering:
         raise CommandError(ResultCode.OFFLINE, "starter")
-    standing = starter.identity_standing
-    is_raw = request.verb == READ and (starter.contradiction or standing is IdentityStatus.OTHER_SLOT)
-    if standing is not IdentityStatus.MATCHING and not is_raw:
-        raise not_matching(standing, starter.identity_reason)
+    standing, status = starter.standing, starter.standing.status
+    is_raw = request.verb == READ and (standing.contradiction or status is IdentityStatus.OTHER_SLOT)
+    if status is not IdentityStatus.MATCHING and not is_raw:
+        raise not_matching(status, standing.reason)
 
 
 @dataclass(frozen=True, slots=True)

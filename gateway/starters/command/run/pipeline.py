@@ -281,7 +281,7 @@ class CommandRun:
     @property
     def _is_another(self) -> bool:
         """Return whether another device may answer since a silence: the procedure is not in its words."""
-        return self.starter.identity_standing not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
+        return self.starter.standing.status not in (IdentityStatus.MATCHING, IdentityStatus.ASKING)
 
     def _subject(self, procedure: Procedure, rows: Mapping[str, Any]) -> dict[str, Any]:
         """Return the rows that were read or set, as a result contains them; nothing for other commands."""
@@ -293,7 +293,7 @@ class CommandRun:
 
     def _value(self, code: str, words: tuple[int, ...]) -> dict[str, Any]:
         """Return a row's value; only its raw words when another device than configured may have answered."""
-        starter, standing = self.starter, self.starter.contact.standing
+        starter, standing = self.starter, self.starter.standing
         if standing.contradiction or not standing.is_readable:
             why = standing.contradiction or standing.reason
             return {"value": None, "unit": "", "raw": list(words), "reason": why}
