@@ -176,7 +176,7 @@ def _dated(polls: Iterable[Poll], limit_s: float | None) -> tuple[Poll, ...]:
     return tuple(replace(poll, deadline_s=limit_s) for poll in polls)
 
 
-@lru_cache(maxsize=16)  # each starter of a line asks for it: with 247 it takes 50 ms and 1 MB
+@lru_cache(maxsize=8)  # each starter of a line asks for it: with 247 it takes 50 ms and 1 MB
 def _forecast(timing: LineTiming, allowance_s: float, on_line: OnLine) -> capacity.Forecast:
     """Return what a line with these starters is like."""
     polls = [poll for each, limit_s in on_line for poll in _dated(polls_of(each), limit_s)]

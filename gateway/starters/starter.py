@@ -144,14 +144,17 @@ class StarterTelemetry:
 
     async def read_rows(self, codes: Iterable[str]) -> BulkReading | None:
         """Read rows for which everything else goes first; return None when that fails: polls say why."""
-        asked, reads = partial(self.ask, lane=Priority.PATROL), short_reads(self.profile, tuple(codes))
+        reads = short_reads(self.profile, tuple(codes))
         try:
-            found = await read_in_bulk(asked, self.profile, reads, tries=1)
+            found = await read_in_bulk(self._ask_last, self.profile, reads, tries=1)
         except (CommandError, PortLostError) as error:
             logger.debug("starter=%s not read in the background: %s", self.setup.name, error)
             return None
         self.watchdogs.note(self.setup.name, found.rows)
         return found
+
+    def _ask_last(self, request: Request) -> Asked:
+        return self.ask(request, lane=Priority.PATROL)
 
     def _note_written(self, request: Request) -> None:
         for service in self.services:
