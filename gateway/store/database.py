@@ -24,7 +24,7 @@ T = TypeVar("T")
 
 RESERVE_BYTES = 2**20
 PAGE_BYTES = 1024  # a transaction of a row or two writes some four pages, and again to write them back
-CACHE_KIB = 256  # rows are written once and read once: more would only fill up memory
+CACHE_KIB = 512  # rows are written once and read once: more would only fill up memory
 LOG_BYTES = 2**20  # of the write-ahead log once it has been written back
 LOGGED_PAGES = 100  # then it is: the file grows by these, and the reserve must be enough for that
 LOCKED_WITHIN_S = 1.0  # how long another process may take to release the file
