@@ -17,7 +17,7 @@ from gateway.app.io import MACHINE, Io
 from gateway.app.site import Site
 from gateway.cli.command import flag
 from gateway.cli.restore.backup import upgrade_site
-from gateway.system.gc_tuning import tune_malloc
+from gateway.system.gc_tuning import use_one_arena
 from gateway.system.instance_lock import instance_lock
 from gateway.system.log_thread import BackgroundHandler
 from gateway.system.systemd import Notifier, PriorityFormatter, is_journal, watchdog_interval_s
@@ -31,7 +31,7 @@ def add_arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run until SIGTERM or SIGINT; ConfigError, NewerError, or StartError beside another gateway."""
-    tune_malloc()
+    use_one_arena()
     path = Path(args.config)
     site = Site.read(path, os.environ)
     faulthandler.enable()  # systemd's SIGABRT ends a hang: it is to say where

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 
 from gateway.config.integration_tables import MqttTable
@@ -21,11 +22,13 @@ def timing_of(line: LineTable) -> LineTiming:
 
 def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, ...]:
     """Return the starters of a line, the disabled ones too, with the names of their family in a language."""
+    on_line = partial(
+        StarterSetup, line=line.name, timing=timing_of(line), allowance_s=line.adapter_allowance_s
+    )
     return tuple(
-        StarterSetup(
+        on_line(
             name=starter.name,
             title=starter.title,
-            line=line.name,
             address=starter.address,
             profile=starter.profile(language),
             variant=Variant(model=starter.model, slot=starter.slot),
@@ -33,8 +36,6 @@ def setups_of(line: LineTable, language: str = ENGLISH) -> tuple[StarterSetup, .
             response_time_s=starter.response_time_s,
             is_enabled=starter.enabled,
             watchdog_s=starter.watchdog_s,
-            timing=timing_of(line),
-            allowance_s=line.adapter_allowance_s,
         )
         for starter in line.starters
     )

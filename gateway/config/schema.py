@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from dataclasses import replace
 from fnmatch import fnmatchcase
+from functools import cache
 from itertools import product
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, Self, get_args, get_origin
@@ -118,7 +119,7 @@ class StarterTable(ConfigTable):
     points: Several[RowPattern] = Field((), description="Rows that are points too, by code, with * and ?.")
     rules: RulesTable | None = Field(None, description="Rules of this starter alone.")
     simulated: SimulatedTable = Field(
-        default_factory=SimulatedTable, description="What `simulate` makes of it; `run` ignores it."
+        default_factory=cache(SimulatedTable), description="What `simulate` makes of it; `run` ignores it."
     )
     _additions: SiteAdditions = PrivateAttr(SiteAdditions())  # of the configuration, to its family
 

@@ -92,7 +92,7 @@ class LineService:
     def _form_of(self, slot: Slot) -> EncodedRequest:
         """Return what is sent for a slot: a stop as it is, all else by what may still come of its unit."""
         poll = slot.poll
-        wanted = EncodedRequest.of(slot.unit, slot.request) if poll is None else poll.encoded
+        wanted = EncodedRequest.of(slot.unit, slot.request)
         if (poll is None and slot.is_stop) or self.master.forms.outstanding.is_in_step(slot.unit):
             return wanted
         if poll is None:

@@ -168,7 +168,7 @@ def _limit_s(setup: StarterSetup, rows: Rows) -> float | None:
     return min((limit_s for limit_s in (setup.watchdog_s, read_s) if limit_s), default=None)
 
 
-@lru_cache(maxsize=16)  # each starter of a line asks for it: with 247 it takes 50 ms and 1 MB
+@lru_cache(maxsize=8)  # each starter of a line asks for it: with 247 it takes 50 ms and 1 MB
 def _forecast(timing: LineTiming, allowance_s: float, on_line: OnLine) -> capacity.Forecast:
     """Return what a line with these starters is like."""
     polls = [poll for each, limit_s in on_line for poll in polls_of(each, limit_s)]

@@ -1,4 +1,4 @@
-"""Memory: full collections of garbage are rare, since one stops all threads; malloc holds little."""
+"""Memory: full collections of garbage are rare, since one stops all threads; malloc has one arena."""
 
 from __future__ import annotations
 
@@ -13,21 +13,17 @@ THRESHOLDS = (100, 20, 100)
 SETTLED_S = (60.0, 180.0)  # after a start: all starters are identified by then; what is known of them stays
 
 
-_M_ARENA_MAX, _M_MMAP_THRESHOLD = -8, -3  # malloc.h of glibc
-_LARGE_BYTES = 128 * 1024
+_M_ARENA_MAX = -8  # malloc.h of glibc
 
 
-def tune_malloc() -> None:
-    """Have all threads share malloc's memory, and large pieces go back to the system; call before any begins.
+def use_one_arena() -> None:
+    """Have all threads share malloc's memory; call before any is begun.
 
     Else glibc gives each thread an arena of its own, and what is freed in one is of no use to the others:
-    2 MB with 247 starters. They hardly ever contend for it, since only one runs Python at a time. And once a
-    large piece was freed, it makes the next ones part of the arena, where they leave holes.
+    2 MB with 247 starters. They hardly ever contend for it, since only one runs Python at a time.
     """
     with suppress(OSError, AttributeError):  # not glibc's malloc
-        mallopt = ctypes.CDLL(None).mallopt
-        mallopt(_M_ARENA_MAX, 1)
-        mallopt(_M_MMAP_THRESHOLD, _LARGE_BYTES)
+        ctypes.CDLL(None).mallopt(_M_ARENA_MAX, 1)
 
 
 class TunedCollector:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 from math import inf
 from typing import NamedTuple
 
-from gateway.line.rtu.forms import ANYONE, EncodedRequest, Forms
+from gateway.line.rtu.forms import ANYONE, Forms
 from gateway.line.rtu.transaction import Outcome
 from gateway.modbus import Request
 
@@ -40,10 +40,6 @@ class Poll:
     group: str = ""  # whose values it reads, for the statistics
     is_urgent: bool = False  # an answer that differs from the one before is published at once
     forms: Forms = field(default=ANYONE, compare=False)  # what else can be asked of this unit
-    encoded: EncodedRequest = field(init=False, compare=False, repr=False)
-
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "encoded", EncodedRequest.of(self.unit, self.request))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -46,7 +46,7 @@ class MotorValues(Part):
         self._totals = Totals()
         self._is_restored = False
         self._stored_s = self._delivery.records.clock.now_s()
-        self._stored: Mapping[str, object] = {}
+        self._stored = ""  # as a text, which takes less room
         self._good: tuple[float | None, Mapping[str, Value]] = (None, {})  # when, and the values
         self._looked_s = -math.inf
         self._left: int | None = None  # starts, at the last look
@@ -116,7 +116,7 @@ class MotorValues(Part):
 
     def close(self) -> None:
         """Store the sums in any case: the file may have been set aside since they changed."""
-        self._stored = {}
+        self._stored = ""
         self._store()
 
     def _note_level(self, level: float, at_s: float) -> None:
@@ -136,8 +136,8 @@ class MotorValues(Part):
             return
         self._stored_s = self._delivery.records.clock.now_s()
         data = stored(CountersRow(self._totals, self._thermal.learnt))
-        if data != self._stored:
-            self._stored = data
+        if (said := str(data)) != self._stored:
+            self._stored = said
             self._delivery.store.put(HistoryRow(self._setup.name, KIND, self._delivery.records.boot, data))
 
     def _publish(self, now_s: float, *, utc_s: float | None = None) -> None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import partial
 
 from gateway.contract import AvailabilityRecord, EventCode, Presence, RecordWriter
 
@@ -14,7 +13,6 @@ class Availability:
     def __init__(self, starter: str, records: RecordWriter) -> None:
         self._starter = starter
         self._records = records
-        self._event = partial(records.event, starter)
         self.troubles: dict[str, str] = {}  # by topic: what cannot be read at present
         self.on_trouble: Callable[[str], None] = lambda _: None
         self.is_online = False
@@ -39,9 +37,9 @@ class Availability:
         if self.is_online:
             self._publish()
         if reason:
-            self._event(EventCode.DEGRADED, topic=topic, reason=reason)
+            self._records.event(self._starter, EventCode.DEGRADED, topic=topic, reason=reason)
         elif not self.troubles:
-            self._event(EventCode.RECOVERED)
+            self._records.event(self._starter, EventCode.RECOVERED)
         self.on_trouble("; ".join(self.troubles.values()))
 
     def come_online(self) -> None:
@@ -49,7 +47,7 @@ class Availability:
         self.is_online = True
         self._publish()
         if self.was_lost:
-            self._event(EventCode.ANSWERS_AGAIN)
+            self._records.event(self._starter, EventCode.ANSWERS_AGAIN)
 
     def go_offline(self, reason: str, frames: Sequence[str]) -> None:
         """Publish that it went silent; everything is asked again once it answers."""
@@ -57,7 +55,7 @@ class Availability:
         self.troubles.clear()
         self.on_trouble("")
         self._put("offline", reason)
-        self._event(EventCode.WENT_SILENT, reason=reason, frames=list(frames))
+        self._records.event(self._starter, EventCode.WENT_SILENT, reason=reason, frames=list(frames))
 
     def note_never_answered(self, reason: str) -> None:
         """Publish why a starter that has not answered yet does not, when that is news."""

@@ -98,7 +98,6 @@ class StatePublisher:
         if is_same and now_s < before.status_s + STATE_EVERY_S:
             return False
         self._published = before._replace(status=status, reason=reason, status_s=now_s)
-        flags = {name: value if isinstance(value, bool) else None for name, value in status.flags.items()}
         self._records.put(
             StateRecord(
                 starter=self._starter,
@@ -107,7 +106,7 @@ class StatePublisher:
                 time_s=min([times[n].time_s for n in self._status_flags if n in times], default=None),
                 seq=next(self._records.sequence),
                 boot=self._records.boot,
-                flags=flags,
+                flags=status.flags,
                 lock=self._lock_of(self._starter),
                 reason=reason,
                 fault_code=status.number,

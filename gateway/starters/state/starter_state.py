@@ -39,7 +39,7 @@ class Status(NamedTuple):
 
     word: Word = "unknown"
     quality: Quality = Quality.BAD
-    flags: Mapping[str, Value] = {}  # its boolean points; None: not known
+    flags: Mapping[str, bool | None] = {}  # its boolean points; None: not known
     number: int | None = None  # of the present fault
 
 
@@ -229,7 +229,9 @@ def _status(
         good.get(FAULT_CODE) if trip is not None and _is_since(state.times.get(FAULT_CODE), trip) else None
     )
     shown = number if good.get(FAULT) and isinstance(number, int) else None
-    return Status(word, quality, {name: good.get(name) for name in flags}, shown or None)
+    seen = ((name, good.get(name)) for name in flags)
+    known = {name: value if isinstance(value, bool) else None for name, value in seen}
+    return Status(word, quality, known, shown or None)
 
 
 def _is_since(number: Moment | None, trip: StarterTrip) -> bool:
