@@ -79,7 +79,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return int(leaving.code or DONE)
     try:
         code = _load(args.command).run(args)
-        sys.stdout.flush()
+        print(end="", flush=True)  # nothing where there is no output at all
     except GatewayError as error:
         for line in str(error).splitlines():
             print(f"{PROGRAM}: {line}", file=sys.stderr)

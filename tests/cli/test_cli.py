@@ -46,6 +46,12 @@ def test_a_shell_completes_starters_and_their_verbs(place: BackupSite) -> None:
     assert {"start", "stop", "lock"} <= {*verb(parsed_args=typed, prefix="")}
 
 
+def test_without_an_output_a_command_ends_as_with_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("sys.stdout", None)  # as after >&-
+
+    assert main(["encode", "ssw07", "1", "start"]) == 0
+
+
 def test_a_password_is_of_the_environment_else_typed(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("sys.stdin.isatty", lambda: True)
     monkeypatch.setattr("getpass.getpass", lambda prompt: f"typed at {prompt!r}")
