@@ -20,6 +20,7 @@ from gateway.client import broker_at
 from gateway.config import Config, LineTable, SimulatedMotorTable, StarterTable, load, timing_of
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
+from gateway.mqtt import Version
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.controls import KNOBS
@@ -64,6 +65,8 @@ async def simulate(config: Config, *, knobs_at: str | None = None, is_companion:
     async with AsyncExitStack() as stack:
         if knobs_at is not None:  # before the links: who waits for these may use the knobs
             broker = broker_at(knobs_at, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
+            if is_companion and config.mqtt.version != "auto":  # amqtt takes seconds to refuse 5
+                broker = replace(broker, version=Version(config.mqtt.version))
             await stack.enter_async_context(simulator_topics(units, broker))
             print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         for table in config.lines:

@@ -86,8 +86,10 @@ class GatewayRecords:
         if record is not None:
             self._records[topic] = record
         elif isinstance(before, StateRecord | AvailabilityRecord):  # the starter is gone, and all of it
-            kept = self._records.items()
-            self._records = {at: each for at, each in kept if getattr(each, "starter", "") != before.starter}
+            others = self._records.items()
+            self._records = {
+                at: each for at, each in others if getattr(each, "starter", "") != before.starter
+            }
 
     def is_live(self, now_s: float) -> bool:
         """Return whether it has shown a new token lately, and has not ended."""
