@@ -17,7 +17,7 @@ import struct
 import sys
 from collections.abc import Iterable
 from pathlib import Path
-from typing import BinaryIO
+from typing import Any, BinaryIO
 
 from gateway.app.capture_socket import FORMAT, socket_path
 from gateway.cli.command import counted
@@ -91,7 +91,10 @@ async def _record(path: Path, target: Path, seconds: float | None) -> None:
         hint = "is this gateway running, and are you its user?"
         raise CaptureError(f"{path}: {error.strerror or error} ({hint})") from error
     with contextlib.closing(writer):
-        greeting = json.loads(await reader.readline() or "{}")
+        try:
+            greeting = await asyncio.wait_for(_message(reader), seconds)
+        except TimeoutError:
+            raise CaptureError(f"{path}: the gateway does not answer (is it stopped?)") from None
         if greeting.get("capture") != FORMAT:
             raise CaptureError(f"{path}: the running gateway is of another version (restart it)")
         numbers = {line: number for number, line in enumerate(greeting["lines"])}
@@ -102,7 +105,7 @@ async def _record(path: Path, target: Path, seconds: float | None) -> None:
             try:
                 async with asyncio.timeout(seconds):
                     while True:
-                        frame = json.loads(await reader.readuntil())
+                        frame = await _message(reader)
                         content = bytes.fromhex(frame["frame"])
                         number, time_us = numbers[frame["line"]], frame["time_us"]
                         file.write(packet(number, time_us, frame["direction"], content))
@@ -110,11 +113,18 @@ async def _record(path: Path, target: Path, seconds: float | None) -> None:
                         count += 1
             except TimeoutError:  # as it was asked to
                 pass
-            except (EOFError, ConnectionError) as error:
-                raise CaptureError("the gateway has ended, or found this capture too slow") from error
             finally:  # the file is whole, however the recording has ended
                 look = f"look at them with: tshark -r {shlex.quote(str(target))} {READ_WITH}"
                 print(f"{counted(count, 'frame')}; {look}", file=sys.stderr)
+
+
+async def _message(reader: asyncio.StreamReader) -> dict[str, Any]:
+    """Return the gateway's next message; CaptureError when it ends before."""
+    try:
+        message: dict[str, Any] = json.loads(await reader.readuntil())
+    except (EOFError, ConnectionError) as error:
+        raise CaptureError("the gateway has ended, or found this capture too slow") from error
+    return message
 
 
 def _opened(path: Path) -> BinaryIO:

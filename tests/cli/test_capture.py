@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import json
+import select
 import socket
 import stat
 from collections.abc import AsyncIterator
@@ -22,6 +23,7 @@ from gateway.system.clock import Clock
 from tests.config.sites import SITE
 from tests.programs import program
 from tests.tshark import dissect, summaries
+from tests.waiting import until
 
 EPOCH_S = 1_760_000_000.000001
 READ = ReadHoldingRegisters(3, 2)
@@ -136,6 +138,26 @@ async def test_a_gateway_of_another_version_is_reported(
         assert await capture(config, tmp_path / "x") == 1
 
     assert "of another version" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--seconds", "0.1"], "mcc1.capture: the gateway does not answer"),
+        ([], "the gateway has ended"),
+    ],
+)
+async def test_a_gateway_that_stands_still_or_is_killed_then_is_reported(
+    config: Path, path: Path, capsys: pytest.CaptureFixture[str], words: list[str], said: str
+) -> None:
+    with socket.socket(socket.AF_UNIX) as gateway:
+        gateway.bind(str(path))
+        gateway.listen()
+        capturing = capture(config, config.with_name("x"), *words)
+        await (asyncio.wait([capturing]) if words else until(lambda: select.select([gateway], [], [], 0)[0]))
+
+    assert await capturing == 1
+    assert said in capsys.readouterr().err
 
 
 async def test_only_the_gateways_user_may_connect_also_where_a_killed_gateway_left_its_socket(

@@ -115,6 +115,14 @@ def test_text_from_outside_is_escaped(year: list[HistoryRow], tmp_path: Path) ->
     assert page.count(escape(EVIL)) >= 5
 
 
+def test_a_starter_without_a_start_has_the_currents_of_its_size_in_any_language(tmp_path: Path) -> None:
+    path = asyncio.run(write(tmp_path, []))
+    known = {STARTER: Known(Fingerprint(rated_current="45 to 105 A"))}
+    write_document(path.parent / "state" / STATE_FILE, FINGERPRINTS, KNOWN, known)
+
+    assert re.search(r"corrente nominal +45\u2013105 A\n", to_text(report_of(path, "pt")))
+
+
 def test_a_setting_changed_at_the_starter_stands_among_those_of_commands(
     year: list[HistoryRow], tmp_path: Path
 ) -> None:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import asyncio
 import json
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
 from pathlib import Path
 from typing import Any
 
@@ -23,6 +25,7 @@ from gateway.mqtt.connection.settings import BrokerSettings
 from gateway.sim.factory import make_unit
 from tests.config.sites import changed
 from tests.sim.wire import Talk
+from tests.waiting import until
 
 
 def talk_to(family: str, more: str) -> Talk:
@@ -83,6 +86,26 @@ async def test_a_real_port_is_warned_of_loudly_and_left_alone(capsys: pytest.Cap
 
     assert reported.startswith("WARNING: line pumps: /dev/null IS A REAL PORT and is not simulated")
     assert "moves REAL MOTORS" in reported
+
+
+async def test_a_line_comes_only_with_its_knobs(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    link, is_connected, is_there = tmp_path / "tty", asyncio.Event(), []
+
+    @asynccontextmanager
+    async def topics(*_: object) -> AsyncIterator[None]:
+        is_there.append(link.exists())
+        is_connected.set()
+        yield
+
+    monkeypatch.setattr("gateway.cli.demo.simulate.simulator_topics", topics)
+    config = parse(changed(("/dev/rs485-pumps", str(link))), "site.toml")
+    simulating = asyncio.create_task(simulate(config, knobs_at="mqtt://127.0.0.1"))
+    await is_connected.wait()
+    await until(link.exists)
+    simulating.cancel()
+    await asyncio.wait((simulating,))
+
+    assert is_there == [False]
 
 
 def test_forty_points_of_all_families_are_in_the_demo_whose_line_has_time_for_them(

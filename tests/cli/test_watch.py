@@ -144,14 +144,17 @@ def test_starters_that_somebody_must_look_at_come_first_then_those_that_move() -
 
 
 def test_an_alarm_and_a_starter_that_the_gateway_has_had_forgotten_are_gone() -> None:
-    found = overview(*PUMP, OVERLOAD)
+    found = overview(*PUMP, said("pump/availability", state="online"), OVERLOAD, CONFIRMED)
     assert "E05" in drawn(found)
 
     found.take(f"{BASE}/starter/pump/alarm/e05", b"", NOW_S)
     assert "E05" not in drawn(found)
 
-    found.take(f"{BASE}/starter/pump/state", b"", NOW_S)
+    found.take(f"{BASE}/starter/pump/availability", b"", NOW_S)
     assert found.rows() == []
+
+    take(found, RUNNING)  # another one has its name now
+    assert "alice" not in drawn(found)
 
 
 @pytest.mark.parametrize(

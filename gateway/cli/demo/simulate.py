@@ -20,6 +20,7 @@ from gateway.client import broker_at
 from gateway.config import Config, LineTable, SimulatedMotorTable, StarterTable, load, timing_of
 from gateway.errors import UsageError
 from gateway.families import Table, load_profile, parameters
+from gateway.mqtt import Version
 from gateway.sim.bus.bus import Bus
 from gateway.sim.bus.pty import PtyLine
 from gateway.sim.controls import KNOBS
@@ -60,31 +61,26 @@ async def simulate(config: Config, *, knobs_at: str | None = None, is_companion:
         loop.add_signal_handler(number, ending.set)
     if is_companion:
         loop.add_reader(sys.stdin, ending.set)
-    units: dict[str, SimulatedUnit] = {}
+    units = {each.name: simulated_unit(each) for each in config.starters if each.enabled}
     async with AsyncExitStack() as stack:
+        if knobs_at is not None:  # before the links: who waits for these may use the knobs
+            broker = broker_at(knobs_at, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
+            if is_companion and config.mqtt.version != "auto":  # amqtt takes seconds to refuse 5
+                broker = replace(broker, version=Version(config.mqtt.version))
+            await stack.enter_async_context(simulator_topics(units, broker))
+            print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         for table in config.lines:
-            on_line = {each.name: simulated_unit(each) for each in table.starters if each.enabled}
-            bus = Bus(
-                timing_of(table),
-                [*on_line.values()],
-                name=table.name,
-                chunk_bytes=None,
-                tolerance_s=TOLERANCE_S,
-            )
+            on_line = [units[each.name] for each in table.starters if each.enabled]
+            bus = Bus(timing_of(table), on_line, name=table.name, chunk_bytes=None, tolerance_s=TOLERANCE_S)
             link = _link(table)
             line = PtyLine(bus, link=link)
             await line.start()
             stack.push_async_callback(line.stop)
-            units |= on_line
             if link is None:
                 print(_beside_a_real_port(table, line.path), file=sys.stderr, flush=True)
             way = line.path if link is None else f"{link} -> {line.path}"
             there = ", ".join(f"{each.name} ({each.family} at {each.address})" for each in table.starters)
             print(f"line {table.name}: {way}, {table.baud} {table.framing}: {there}", flush=True)
-        if knobs_at is not None:
-            broker = broker_at(knobs_at, client_id=f"simulator-{uuid.uuid4().hex[:8]}")
-            await stack.enter_async_context(simulator_topics(units, broker))
-            print(f"knobs: simulator/STARTER/KNOB at {broker.address}; {', '.join(KNOBS)}", flush=True)
         await ending.wait()
 
 

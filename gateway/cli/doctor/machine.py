@@ -6,9 +6,8 @@ import asyncio
 import os
 import time
 from collections.abc import Callable, Iterator
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from pathlib import Path
-from tempfile import NamedTemporaryFile
 
 from gateway.cli.doctor.findings import Finding
 from gateway.config import Config
@@ -121,9 +120,10 @@ def disk_finding(sync_s: float | None) -> Finding | None:
 
 def sync_s(state_dir: Path) -> float | None:
     """Return the longest of some writes that wait for the disk, as the store's do; None: not possible."""
-    took_s = []
+    path, took_s = state_dir / "doctor.probe", []  # one name: a doctor that was killed has left it
     try:
-        with NamedTemporaryFile(dir=state_dir, prefix="doctor.", buffering=0) as file:
+        with ExitStack() as ending, path.open("wb", buffering=0) as file:
+            ending.callback(path.unlink)
             for _ in range(SYNCS):
                 begun_s = time.perf_counter()
                 file.write(bytes(SYNC_BYTES))

@@ -128,7 +128,7 @@ def _identity(facts: MotorFacts, t: Translate) -> Iterator[tuple[str, str]]:
         "model": starter.model or said.get("model"),
         "firmware": said.get("firmware"),
         "serial number": said.get("serial"),
-        "rated current": next(of_motor, said.get("rated_current")),
+        "rated current": next(of_motor, (said.get("rated_current") or "").replace(" to ", "\u2013")),
         "line": f"{line.name} ({line.port}, {line.baud} {line.framing})",
         "address": starter.address,
     }

@@ -85,6 +85,11 @@ class GatewayRecords:
             self.live_at_s, self.ahead_s = now_s, record.time_s - now_s
         if record is not None:
             self._records[topic] = record
+        elif isinstance(before, StateRecord | AvailabilityRecord):  # the starter is gone, and all of it
+            others = self._records.items()
+            self._records = {
+                at: each for at, each in others if getattr(each, "starter", "") != before.starter
+            }
 
     def is_live(self, now_s: float) -> bool:
         """Return whether it has shown a new token lately, and has not ended."""
