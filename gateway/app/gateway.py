@@ -29,7 +29,7 @@ from gateway.config import (
     setups_in,
     setups_of,
 )
-from gateway.contract import EventCode, PublishEvent, event_of
+from gateway.contract import EventCode, PublishEvent, ValueRecord, event_of
 from gateway.errors import ConfigError, Problem
 from gateway.line import LineHost
 from gateway.plugins.history.plugin import History
@@ -157,6 +157,9 @@ class App:
             traced=config.traced,
             has_page=config.web is not None,
         )
+        for record in self.uplink.outbox.records():  # what does not change is not published again for long
+            if isinstance(record, ValueRecord):
+                self.history.series.put(record)
         self.health.reconfigure(self.plant.lines.values(), site)
         self.commands.under_way.reopen()
         self.capture.lines = tuple(self.plant.lines)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -11,6 +13,7 @@ import pytest
 from gateway.contract import Quality, RecordWriter, ValueRecord
 from gateway.plugins.history.series import FINE_S, NAN, AllSeries, Sample, Steps, gathered
 from gateway.system.clock import SystemClock
+from tests.virtual_time import HandClock
 
 
 def shown(steps: Steps, now_s: float) -> list[tuple[float, float, float]]:
@@ -53,7 +56,7 @@ def test_longer_steps_have_the_extremes_of_those_in_them_and_what_lies_outside_i
 
 def test_what_no_page_shows_and_nothing_stores_is_not_held() -> None:
     nothing: Any = None
-    series = AllSeries(RecordWriter(nothing, SystemClock()), nothing, (), has_page=False)
+    series = AllSeries(RecordWriter(SystemClock(), print), nothing, (), has_page=False)
     value = ValueRecord(
         starter="pump", point="current", value=12.0, unit="A", quality=Quality.GOOD, time_s=0.0, seq=1
     )
@@ -65,3 +68,18 @@ def test_what_no_page_shows_and_nothing_stores_is_not_held() -> None:
         known.append(series.points("pump"))
 
     assert known == [[], ["current"], []]
+
+
+def test_a_point_that_a_reload_takes_out_and_another_brings_back_keeps_its_stored_hour() -> None:
+    clock, rows, value = HandClock(), dict[str, Any](), partial(ValueRecord, starter="pump", unit="A", seq=1)
+    store: Any = SimpleNamespace(put=lambda row: rows.update({row.id: row.data["points"]}))
+    series = AllSeries(RecordWriter(clock, print), store, ["current", "p002"], has_page=False)
+
+    for minute, points in enumerate((["current", "p002"], ["current"], ["current", "p002"])):
+        clock.s = minute * 60.0
+        series.reconfigure(["pump"], points, has_page=False)
+        for point in points:
+            series.put(value(point=point, value=minute + 1.0, quality=Quality.GOOD, time_s=0.0))
+        series.write()
+
+    assert [hour["p002"][2] for hour in rows.values()] == [[1.0, None, 3.0]]

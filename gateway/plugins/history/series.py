@@ -110,6 +110,7 @@ class AllSeries:
         self._store = store
         self._points = tuple(points)
         self._shown = SHOWN if has_page else ()
+        self._ever = set(self._points)  # stored in this run
         self._steps: dict[tuple[str, str], tuple[Steps, Steps]] = {}  # by starter and point
         self._stored_s: dict[str, float] = {}  # by starter; before that, when its first value came
         self._beat_s = records.clock.now_s()
@@ -121,10 +122,12 @@ class AllSeries:
             self._write(gone)
             del self._stored_s[gone]
         self._points, self._shown = tuple(points), SHOWN if has_page else ()
-        traced = {*self._points, *self._shown}
-        self._steps = {key: both for key, both in self._steps.items() if key[1] in traced}
-        for steps in chain.from_iterable(both for key, both in self._steps.items() if key[0] not in wanted):
-            steps.put(NAN, now_s)
+        self._ever.update(self._points)
+        traced = {*self._points, *self._shown}  # of an hour that is stored the row may be rewritten once more
+        self._steps = {key: both for key, both in self._steps.items() if key[1] in traced | self._ever}
+        for (starter, point), both in self._steps.items():
+            for steps in both if starter not in wanted or point not in traced else ():
+                steps.put(NAN, now_s)
 
     def put(self, record: ValueRecord) -> None:
         """Record a value, if it is a number of a point that is wanted."""

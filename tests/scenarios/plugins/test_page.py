@@ -316,6 +316,7 @@ REQUESTS = [
                 answer("/api/v1/state", session={"logins": False}),
                 answer(TO + "stop", 401, post={}, error="login"),
                 answer("/health", state="online"),
+                answer(VALUES, point="current", points=["current"]),  # of before, and not published again
             ],
             14.0: [
                 answer("/api/v1/state", session={"logins": True}, starters={"mill": {"address": 3}}),
