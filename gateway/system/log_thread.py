@@ -15,29 +15,29 @@ MOST_WAITING = 1000  # records; more are counted and dropped
 FLUSH_S = 1.0  # at the end
 
 
-class BackgroundHandler(logging.Handler):
+class BackgroundHandler(logging.StreamHandler["BackgroundHandler"]):
     """Formats in the caller's thread and writes in its own; lines that do not fit are counted."""
 
     def __init__(self, fd: int, *, most_waiting: int = MOST_WAITING) -> None:
+        super().__init__(self)
         self._waiting: queue.Queue[str | None] = queue.Queue(most_waiting)
-        super().__init__()
         self._fd = fd
         self.dropped = 0
         self._thread = Thread(target=self._write_all, name="log", daemon=True)
         self._thread.start()
 
-    def emit(self, record: logging.LogRecord) -> None:
-        """Take a record's text, or count it."""
+    def write(self, text: str) -> None:
+        """Take a line, or count it."""
         try:
-            text = self.format(record) + "\n"
             if self.dropped:
                 self._waiting.put_nowait(f"{self.dropped} log lines were lost: they were not read in time\n")
                 self.dropped = 0
             self._waiting.put_nowait(text)
         except queue.Full:
             self.dropped += 1
-        except Exception:  # noqa: BLE001 - a text that cannot be made, as in any handler
-            self.handleError(record)
+
+    def flush(self) -> None:
+        """Wait for nothing."""
 
     def close(self) -> None:
         """Write what waits, for a moment; then give up."""
