@@ -79,6 +79,9 @@ class CommandBody:
         return CommandRequest(starter, client, verb, **{**said, **besides})
 
 
+_BODY = adapter_of(CommandBody)  # built here: the first stop of a run must not wait for it
+
+
 @dataclass(frozen=True, slots=True)
 class CommandRequest(CommandBody):
     """One operator's wish."""
@@ -115,7 +118,7 @@ def read_body(payload: bytes) -> tuple[CommandBody, CommandError | None]:
     except ValueError as error:
         return CommandBody(), CommandError(ResultCode.BAD_JSON, why=shortened(str(error), 200))
     try:
-        body: CommandBody = adapter_of(CommandBody).validate_python(fields)
+        body: CommandBody = _BODY.validate_python(fields)
     except ValidationError as error:
         mistakes = error.errors(include_url=False, include_input=False)
         right = fields.keys() - {each["loc"][0] for each in mistakes}

@@ -20,7 +20,9 @@ import pytest
 from gateway.cli.main import main
 from gateway.starters.policy.write_budget import WRITES
 from gateway.store import HISTORY_FILE, STATE_FILE, read_document, write_document
+from gateway.store import backup as backups
 from gateway.store.backup import Archive
+from gateway.store.schema import SCHEMAS
 from tests.cli.backup_site import BackupSite, lock_of
 
 MOST_POINTS = 300
@@ -134,7 +136,7 @@ def test_the_files_of_0_2_0_are_not_copied_while_it_runs(place: BackupSite) -> N
 
 
 def test_a_damaged_file_and_what_a_killed_backup_has_left(place: BackupSite) -> None:
-    for name in (".plant.tar.gz.copies", ".plant.tar.gz"):
+    for name in (".plant.tar.gz.x.copies", ".plant.tar.gz"):
         (place.folder / name).mkdir()
     (place.state / HISTORY_FILE).write_text("Dear diary, " * 1000)
 
@@ -142,6 +144,30 @@ def test_a_damaged_file_and_what_a_killed_backup_has_left(place: BackupSite) -> 
     place.cli("backup SITE DIR/plant.tar.gz", 1, err=said)
 
     assert {path.name for path in place.folder.iterdir()} == {"etc", "ssl", ".plant.tar.gz"}
+
+
+def test_a_backup_never_takes_what_another_one_of_the_same_name_has_half_copied(
+    place: BackupSite, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy_state = backups.copy_state
+
+    def half(_: Path, to: Path) -> None:
+        for name in SCHEMAS:
+            (to / name).touch()
+        os._exit(0)  # killed
+
+    def beside_another(state_dir: Path, to: Path) -> dict[str, int]:
+        versions = copy_state(state_dir, to)
+        if (child := os.fork()) == 0:
+            monkeypatch.setattr(backups, "copy_state", half)
+            place.cli("backup SITE DIR/plant.tar.gz")
+        os.waitpid(child, 0)
+        return versions
+
+    monkeypatch.setattr(backups, "copy_state", beside_another)
+    place.cli("backup SITE DIR/plant.tar.gz", 1, err="No such file or directory")
+
+    assert not (place.folder / "plant.tar.gz").exists()
 
 
 Members = dict[str, tuple[tarfile.TarInfo, bytes]]  # of a backup, by their names

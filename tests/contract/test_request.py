@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -80,3 +82,13 @@ def test_a_field_of_the_wrong_form_is_refused(fields: dict[str, object]) -> None
 )
 def test_of_a_wrong_payload_is_understood_what_can_be(payload: bytes, understood: CommandBody) -> None:
     assert read_body(payload)[0] == understood
+
+
+def test_a_run_is_ready_for_its_first_command() -> None:
+    code = (
+        "from gateway.contract import json_text, read_body; built = json_text.adapter_of.cache_info().misses;"
+        """read_body(b'{"id":"a"}'); print(json_text.adapter_of.cache_info().misses - built)"""
+    )
+    found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+
+    assert found.stdout == "0\n"

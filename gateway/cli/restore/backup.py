@@ -5,12 +5,14 @@ runs. Without --secrets passwords, private keys and tokens are left out.
 from __future__ import annotations
 
 import argparse
+import glob
 import logging
 import os
 import shutil
 import time
 from collections.abc import Mapping
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from gateway import __version__
 from gateway.app.site import Site
@@ -66,10 +68,11 @@ def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> ba
 
     The copies are made beside it, for their owner alone; those that a killed process has left are deleted.
     """
-    state_dir, copies = path.parent / config.gateway.state_dir, file.with_name(f".{file.name}.copies")
-    shutil.rmtree(copies, ignore_errors=True)
-    copies.mkdir(mode=0o700)
-    try:
+    state_dir, begin, end = path.parent / config.gateway.state_dir, f".{file.name}.", ".copies"
+    for left in file.parent.glob(f"{glob.escape(begin)}*{end}"):
+        shutil.rmtree(left, ignore_errors=True)
+    with TemporaryDirectory(end, begin, file.parent) as own_folder:  # never that of another backup
+        copies = Path(own_folder)
         (copies / STATE).mkdir()
         versions = backup.copy_state(state_dir, copies / STATE) if state_dir.is_dir() else {}
         state = [backup.Member(f"{STATE}/{name}", copies / STATE / name, state_dir) for name in versions]
@@ -93,8 +96,6 @@ def back_up(path: Path, config: Config, file: Path, *, with_secrets: bool) -> ba
         )
         backup.write_archive(file, facts, [own, *configured, *state])
         return facts
-    finally:
-        shutil.rmtree(copies)
 
 
 def upgrade_site(path: Path, site: Site) -> None:

@@ -272,6 +272,16 @@ DECIDED = [
         then={20.0: [result("start rejected in_local"), frames("pump")]},
     ),
     row(
+        "a reading of before a standstill is not the first of the two that decide",
+        given=SSW900 + ALICE,
+        at={
+            3.9: "mill S5.1.1 = 0x0902",
+            4.0: command("mill/alice/start", ttl_s=60),
+            4.06: [answers("mill", turning_about()), lambda plant: plant.stand_still(8.0)],
+        },
+        then={16.0: [result("start rejected readings_disagree"), frames("mill")]},
+    ),
+    row(
         "a start whose starter does not answer before its time is over is expired",
         given=SITE,
         at={3.0: [fault("lose", "pump", for_s=2.2), command("pump/alice/start", ttl_s=0.2)]},

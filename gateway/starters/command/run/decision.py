@@ -4,7 +4,7 @@
    them, so that a device of another family is not written to.
 2. `judge` is the one judgement: the family is right, its rules hold, the gateway's own and the operator's
    expectation hold; then the writes are built from what was read.
-3. Two readings in a row must lead to the same writes.
+3. Two readings in a row must lead to the same writes, the gateway not having stood still since the first.
 4. What was decided is written within `DECIDES_FOR_S` of its reading, `WAITS_FOR_S` where no motor can move.
 """
 
@@ -120,14 +120,16 @@ class Judge:
         """Return what to do; CommandError when a rule forbids it or the readings disagree, RefusedError."""
         self.report.advance(CommandStep.READING)
         earlier: Procedure | None = None
+        earlier_s = -inf
         for _ in range(MOST_READINGS):
             decision = await self.look()
             procedure = decision.procedure
             is_enough = not self.preparation.reads or not (procedure.steps or procedure.is_unchanged)
-            if is_enough or procedure == earlier:
+            is_alike = procedure == earlier and earlier_s >= self.report.reporting.stood_still_s()
+            if is_enough or is_alike:
                 self.report.advance(CommandStep.DECIDED)
                 return decision
-            earlier = procedure
+            earlier, earlier_s = procedure, self.wire.seen_s
         raise CommandError(ResultCode.READINGS_DISAGREE)
 
     async def look(self) -> CommandDecision:
