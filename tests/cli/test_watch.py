@@ -111,8 +111,8 @@ def test_a_long_reason_stands_on_lines_of_its_own_and_a_long_title_is_cut() -> N
     lines = drawn(found).splitlines()
 
     assert max(map(len, lines)) <= 80
-    assert [line for line in lines if "Raw water pump" in line and "61.5 A 72 %" in line and "\u2026" in line]
     at = next(number for number, line in enumerate(lines) if "fan" in line)
+    assert [text in lines[at - 1] for text in ("Raw water pump", "\u2026", "61.5 A 72 %")] == [True] * 3
     assert lines[at].split() == ["fan", "not", "ready", "now"]
     text = " ".join(" ".join(lines[at + 1 :]).split())
     assert text == f"{reason}; pausing or being adjusted; alice start: confirmed"

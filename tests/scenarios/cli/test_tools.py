@@ -558,13 +558,14 @@ KIT = [
         )
     ),
     *(
-        kit(f"{said} in a bridge", "--bridge central", given=given, code=2, out="", err=said)
-        for said, given in (
+        kit(f"a bridge cannot have {what}", "--bridge central", given=given, code=2, out="", err=said)
+        for what, said, given in (
             (
+                "names with spaces",
                 "cannot pass 'spBv1.0/the plant/",
                 LOCAL + table("sparkplug", group="the plant", urls=["mqtt://localhost"], username="spb"),
             ),
-            ("port 18883 is the bridge's own", LOCAL.replace("localhost", "localhost:18883")),
+            ("a broker at its port", "port 18883 is", LOCAL.replace("localhost", "localhost:18883")),
         )
     ),
     *(

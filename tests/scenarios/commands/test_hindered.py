@@ -265,8 +265,11 @@ DECIDED = [
         "what was read before a standstill decides nothing",
         given=SITE,
         sim={"pump": QUICK},
-        at={3.0: do("pump start"), 3.01: ["pump control local", lambda plant: plant.stand_still(7.0)]},
-        then={20.0: [never("result/pump/alice", phase="written"), frames("pump")]},
+        at={
+            3.0: command("pump/alice/start", ttl_s=30),
+            3.035: ["pump control local", lambda plant: plant.stand_still(7.0)],  # read, not yet written
+        },
+        then={20.0: [result("start rejected in_local"), frames("pump")]},
     ),
     row(
         "a reading of before a standstill is not the first of the two that decide",

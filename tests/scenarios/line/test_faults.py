@@ -119,7 +119,7 @@ LOST = [
         true_values,
         states_only("ready", "not_ready", "unknown"),
         *[frames(name) for name in ("pump", "fan", "mill", "belt")],
-        seen("gateway/line/pumps", garbled=...),
+        lambda p: _counted(p, "garbled"),
     ),
 ]
 

@@ -71,15 +71,15 @@ ROWS = [
                     times=1,
                     code="parameter_changed",
                     severity="warning",
-                    data={"parameter": code, "before": {"raw": [0]}, "after": {"raw": [30], **after}},
+                    data={"parameter": code, "before": {"raw": [0], **old}, "after": {"raw": [30], **new}},
                 ),
                 500.5: _readiness(name, times=2),
             },
         )
-        for name, code, after in (
-            ("pump", "P314", {"value": 30.0, "unit": "s"}),
-            ("fan", "P314", {}),
-            ("mill", "C8.2.5.3", {"value": 3.0}),
+        for name, code, old, new in (
+            ("pump", "P314", {"value": 0.0, "unit": "s", "label": "off"}, {"value": 30.0, "unit": "s"}),
+            ("fan", "P314", {}, {}),
+            ("mill", "C8.2.5.3", {}, {"value": 3.0}),
         )
     ),
     row(
