@@ -108,7 +108,7 @@ class Polling:
             self._whole_at_s = at_s + WHOLE_AFTER_S
             self._withdraw((key,))
             for row in reading.split(polled.block):
-                self._add(row)
+                self._add(row, last_s=polled.last_s)
             return ()
         if polled.refusals == IN_ROW:
             self._whole_at_s = at_s + AGAIN_AFTER_S
@@ -140,9 +140,11 @@ class Polling:
         """Ask for the whole plan again, whatever was refused."""
         self._whole_at_s = inf
         wanted = {self._setup.key_of(block): block for block in self._plan}
-        self._withdraw([key for key, polled in self._polled.items() if wanted.get(key) != polled.block])
+        others = {key: polled for key, polled in self._polled.items() if wanted.get(key) != polled.block}
+        last_s = max((polled.last_s for polled in others.values() if polled.last_s < inf), default=inf)
+        self._withdraw(others)
         for block in self._plan:
-            self._add(block)
+            self._add(block, last_s=last_s)
 
     def replan(self, setup: StarterSetup, variant: Variant) -> None:
         """Ask for what a starter of this variant has, as often as this set-up says."""
@@ -185,11 +187,12 @@ class Polling:
                 self.next_overdue_s = min(self.next_overdue_s, overdue_s)
         return tuple(codes)
 
-    def _add(self, block: reading.Block) -> None:
+    def _add(self, block: reading.Block, *, last_s: float) -> None:
+        """Ask for a block; values of it that were read at `last_s` grow old from then on."""
         key = self._setup.key_of(block)
         if key not in self._polled:
             every_s = self._every_s(block)
-            self._polled[key] = _Polled(block, every_s)
+            self._polled[key] = _Polled(block, every_s, last_s)
             self._line.add_poll(self._setup.poll_of(block, every_s=every_s))  # the line knows the watchdog
 
     def _withdraw(self, keys: Iterable[str]) -> None:

@@ -7,7 +7,7 @@ import re
 from collections.abc import Callable
 
 from tests.rig import RigPlant, clean_line, event, fault, msg, never, played, row, scene, seen
-from tests.rig.rows import Expectation
+from tests.rig.rows import Action, Expectation
 from tests.rig.sites import SITES, SST, SSW07, SSW900, starter
 from tests.scenarios.values.words import answers, reads_any, refuse_rows
 
@@ -67,6 +67,23 @@ def _every(count: int, reply: bytes | None = None) -> Callable[[bytes], bytes | 
     """Answer every so many requests by this, or not at all."""
     asked = itertools.count(1)
     return lambda _: reply if next(asked) % count == 0 else b""
+
+
+def _hides_coil8(time: int) -> Action:
+    """Have an SST refuse its coils as a block, and not answer COIL8 alone after so many refusals."""
+    refused = itertools.count(1)
+    latest = 0
+
+    def habit(pdu: bytes) -> bytes | None:
+        nonlocal latest
+        if not reads_any(pdu, {7}, (1,)):
+            return b""
+        if not reads_any(pdu, {16}, (1,)):
+            return None if latest >= time else b""
+        latest = next(refused)
+        return b"\x81\x02"
+
+    return answers("belt", habit)
 
 
 def _asked_for(register: int, name: str, *, most_s: float) -> Expectation:
@@ -151,6 +168,18 @@ REFUSALS = [
             80: msg("starter/belt/value/remote", value=None, quality="bad"),
         },
     ),
+    *[
+        scene(
+            f"a row that is not answered after refusal {time} of its block is stale, what is made of it bad",
+            SST,
+            {5: _hides_coil8(time)},
+            judged_s,
+            msg("starter/belt/value/coil7", quality="good"),
+            msg("starter/belt/value/coil8", value=False, quality="stale"),
+            msg("starter/belt/value/remote", value=None, quality="bad"),
+        )
+        for time, judged_s in ((1, 30), (3, 100))  # before the third it was asked for as a whole again
+    ],
     row(
         "a refusal now and then costs no poll and no value",
         given=SSW07,
