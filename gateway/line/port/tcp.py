@@ -42,7 +42,7 @@ class SocketPort(OpenPort):
         self.hold()
         transport = cast(asyncio.Transport, self._transport)
         if transport.get_write_buffer_size() > 0:
-            raise PortLostError(self._name, "stuck: takes no more bytes", "restart the serial server")
+            raise PortLostError(self._name, "stuck: accepts no further bytes", "restart the serial server")
         transport.write(frame)
 
     def reset(self) -> None:

@@ -83,7 +83,7 @@ class TtyPort(OpenPort):
         except OSError as error:
             raise PortLostError(self._name, f"lost: {error.strerror}") from error
         if count != len(frame):
-            raise PortLostError(self._name, "stuck: takes no more bytes", "unplug the adapter")
+            raise PortLostError(self._name, "stuck: accepts no further bytes", "unplug the adapter")
 
     def close(self) -> None:
         """Give the tty up at once; unsent bytes are dropped, or closing would wait for them."""

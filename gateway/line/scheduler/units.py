@@ -8,7 +8,7 @@
 | 4 and more | SILENT | the same | offline |
 
 A reply that comes too late, of a unit that has answered in time lately, makes three misses or more two, and
-for a few seconds there are no more than three.
+for a few seconds there are three at most.
 """
 
 from __future__ import annotations

@@ -29,7 +29,7 @@ from gateway.store import Loss, OutboxPage, OutboxRow, Rank, Total
 MEMORY_FULL, DISK_FULL, STORE_LOST = "memory_full", "disk_full", "store_lost"
 WINDOWS = {Rank.VALUE: 2000, Rank.EVENT: 1000, Rank.RESULT: 1000}  # in memory of a long queue
 LOOKAHEAD = 1000  # rows among which a history is gathered
-MOST_ROWS = 500  # at a time: the intent of a start waits for no more, and the log takes no more room
+MOST_ROWS = 500  # at a time: this bounds the wait of a start's intent, and the room of the log
 MOST_VALUES = 100  # of these
 MOST_NEEDED = 2000  # rows that stay for the history, which may be away for good
 MOST_DELETED = 200  # at a time: on a full disk they pass through the little room that is left
@@ -191,7 +191,7 @@ class Backlog:
         """Let a row be deleted once it is delivered; keys that are not needed do not matter."""
         self._needed.pop(key, None)
 
-    # What is to be written.
+    # Rows to be written.
 
     def batch(self) -> Batch | None:
         """Return what is to be written next: deletions with what is new, alone after a failure."""
@@ -226,7 +226,7 @@ class Backlog:
         if batch.losses is not None:
             self.losses.forget_stored()
 
-    # What the table says.
+    # Answers of the table.
 
     def expect_table(self) -> None:
         """Take it that there is a table, whose rows of earlier runs come first."""
